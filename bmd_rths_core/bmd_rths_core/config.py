@@ -1,0 +1,267 @@
+"""The configuration of a test: every section, read from and written to one YAML file that ROS reads too."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+import yaml
+
+from bmd_rths_core.command_shaper import CommandShaperConfig
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.force_correction import ForceCorrectionConfig
+from bmd_rths_core.ground_motion.selection import GroundMotionConfig
+from bmd_rths_core.numerical_substructure import NumericalSubstructureConfig
+from bmd_rths_core.parameters import build_section, check_parameters, parameter
+from bmd_rths_core.safety import SafetyConfig
+from bmd_rths_core.schemes import SCHEME_NAMES, Scheme
+from bmd_rths_core.shear_estimator import ShearEstimatorConfig
+from bmd_rths_core.table.simulated import SimulatedTableConfig
+from bmd_rths_core.table.specimen import SpecimenConfig
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """What every part of a run has to agree on."""
+
+    SECTION: ClassVar[str] = "run"
+
+    time_step: float = parameter(
+        0.005,
+        description="Time step of the loop",
+        unit="s",
+        source="Chen et al. 2020: 200 Hz",
+        lower=1e-4,
+        upper=0.1,
+    )
+    scheme: str = parameter(
+        "plc_fc",
+        description="Compensation scheme: none, force correction, phase-lead compensation, both",
+        source="Chen et al. 2020, Table 2",
+        choices=SCHEME_NAMES,
+    )
+    lockstep: bool = parameter(
+        False, description="Start each step when the last one has closed, instead of by the wall clock"
+    )
+    record: bool = parameter(True, description="Wait for the recorder before step 0, so that every step is recorded")
+    seed: int = parameter(
+        0, description="Seed of everything random in simulated parts", unit="1", lower=0, upper=2**31 - 1
+    )
+    max_consecutive_misses: int = parameter(
+        20,
+        description="Missed deadlines in a row after which the test is stopped",
+        unit="steps",
+        source="assumed: 0.1 s at 200 Hz",
+        lower=0,
+        upper=100000,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values; a time step is a whole number of nanoseconds, because message stamps are."""
+        check_parameters(self)
+        nanoseconds = self.time_step * 1e9
+        if abs(nanoseconds - round(nanoseconds)) > 1e-3:
+            raise InputError(f"run.time_step: {self.time_step!r} s is not a whole number of nanoseconds")
+
+    @property
+    def time_step_ns(self) -> int:
+        """Δt in nanoseconds."""
+        return round(self.time_step * 1e9)
+
+
+@dataclass(frozen=True)
+class TableConfig:
+    """Which controller the table driver talks to."""
+
+    SECTION: ClassVar[str] = "table"
+
+    controller: str = parameter("simulated", description="Table controller", choices=("simulated",))
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+
+
+@dataclass(frozen=True)
+class RecorderConfig:
+    """Where and how a test is recorded."""
+
+    SECTION: ClassVar[str] = "recorder"
+
+    directory: str = parameter("bags", description="Folder the bag of a test is written into")
+    flush_period: float = parameter(
+        0.1, description="Longest time recorded data stay in memory", unit="s", lower=0.01, upper=1.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+        if not self.directory:
+            raise InputError("recorder.directory: empty; the path of a folder is required")
+
+
+@dataclass(frozen=True)
+class Config:
+    """The whole configuration, one section a field; the defaults are the simplified BMD of the paper.
+
+    Parameters
+    ----------
+    run, ground_motion, numerical_substructure, specimen, command_shaper, safety, table, simulated_table,
+    shear_estimator, force_correction, recorder
+        See the section classes.
+    """
+
+    run: RunConfig = dataclasses.field(default_factory=RunConfig)
+    ground_motion: GroundMotionConfig = dataclasses.field(default_factory=GroundMotionConfig)
+    numerical_substructure: NumericalSubstructureConfig = dataclasses.field(default_factory=NumericalSubstructureConfig)
+    specimen: SpecimenConfig = dataclasses.field(default_factory=SpecimenConfig)
+    command_shaper: CommandShaperConfig = dataclasses.field(default_factory=CommandShaperConfig)
+    safety: SafetyConfig = dataclasses.field(default_factory=SafetyConfig)
+    table: TableConfig = dataclasses.field(default_factory=TableConfig)
+    simulated_table: SimulatedTableConfig = dataclasses.field(default_factory=SimulatedTableConfig)
+    shear_estimator: ShearEstimatorConfig = dataclasses.field(default_factory=ShearEstimatorConfig)
+    force_correction: ForceCorrectionConfig = dataclasses.field(default_factory=ForceCorrectionConfig)
+    recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)
+
+    @property
+    def scheme(self) -> Scheme:
+        """The compensation scheme."""
+        return Scheme(self.run.scheme)
+
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Return the configuration as nested plain values; arrays are lists."""
+        return {
+            name: {key: list(value) if isinstance(value, tuple) else value for key, value in section.items()}
+            for name, section in dataclasses.asdict(self).items()
+        }
+
+    def changed(self, **changes: object) -> Config:
+        """Return a copy with some parameters changed.
+
+        Parameters
+        ----------
+        **changes : object
+            Values by ``section__parameter``, for example ``run__scheme="uc"``.
+
+        Returns
+        -------
+        Config
+            The validated copy.
+
+        Raises
+        ------
+        InputError
+            A name is unknown or a value is not allowed.
+        """
+        mapping = self.as_mapping()
+        for name, value in changes.items():
+            section, _, key = name.partition("__")
+            mapping.setdefault(section, {})[key] = value
+        return config_from_mapping(mapping)
+
+
+#: Section classes by name, in the order of the file.
+SECTIONS: dict[str, type] = {f.name: cast(type, f.default_factory) for f in fields(Config)}
+
+
+def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
+    """Build the configuration from nested plain values.
+
+    Parameters
+    ----------
+    mapping : Mapping
+        Section name to parameter name to value.
+
+    Returns
+    -------
+    Config
+        The validated configuration.
+
+    Raises
+    ------
+    InputError
+        A section or parameter is unknown, or a value is not allowed.
+    """
+    for name, values in mapping.items():
+        if name not in SECTIONS:
+            raise InputError(f"{name}: unknown section; allowed here: {', '.join(SECTIONS)}")
+        if not isinstance(values, Mapping):
+            raise InputError(f"{name}: {values!r} is not a section; parameters with values are required")
+    return Config(**{name: build_section(SECTIONS[name], values) for name, values in mapping.items()})
+
+
+def load_config(path: str | Path) -> Config:
+    """Read a configuration file, which is also a ROS 2 parameter file.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file with the sections below ``/**: ros__parameters:``.
+
+    Returns
+    -------
+    Config
+        The validated configuration.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not such a file, or a value in it is not allowed; the file is named.
+    """
+    try:
+        with open(path, encoding="utf-8") as file:
+            document = yaml.load(file, Loader=_UniqueKeyLoader)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" line {mark.line + 1}" if mark else ""
+        raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', error)}") from error
+    try:
+        parameters = document["/**"]["ros__parameters"]
+    except (TypeError, KeyError):
+        raise InputError(
+            f"{path}: no parameters found; they are required below '/**:' and 'ros__parameters:'"
+        ) from None
+    if not isinstance(parameters, Mapping):
+        raise InputError(f"{path}: 'ros__parameters:' holds {parameters!r}; sections are required")
+    try:
+        return config_from_mapping(parameters)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def dump_config(config: Config) -> str:
+    """Return the configuration as the text of a file that `load_config` and ROS read.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+
+    Returns
+    -------
+    str
+        YAML. Empty arrays are left out, because a ROS parameter file cannot hold them.
+    """
+    sections = {
+        name: {key: value for key, value in section.items() if value != []}
+        for name, section in config.as_mapping().items()
+    }
+    return str(yaml.safe_dump({"/**": {"ros__parameters": sections}}, sort_keys=False, default_flow_style=None))
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
+    """YAML that refuses a key given twice instead of keeping the last one."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
+        seen = set()
+        for key_node, _ in node.value:
+            key = key_node.value
+            if key in seen:
+                raise yaml.MarkedYAMLError(problem=f"{key!r} is given twice", problem_mark=key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)

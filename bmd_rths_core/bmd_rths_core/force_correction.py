@@ -1,0 +1,70 @@
+"""Force correction: feed the unbalanced force of Eq. 4 back at the next step (Eq. 11)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from bmd_rths_core.parameters import check_parameters, parameter
+
+
+@dataclass(frozen=True)
+class ForceCorrectionConfig:
+    """How much of the unbalanced force is corrected at once."""
+
+    SECTION: ClassVar[str] = "force_correction"
+
+    gain: float = parameter(
+        0.5,
+        description="Share of the unbalanced force that is corrected in the next step",
+        unit="1",
+        source="docs/decisions/0003: 1 is the text of the paper and accumulates noise at the Nyquist frequency",
+        lower=0.0,
+        upper=1.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+
+
+class ForceCorrection:
+    """Correct the interface shear by the unbalanced force.
+
+    Parameters
+    ----------
+    config : ForceCorrectionConfig
+        Gain.
+    active : bool
+        False feeds the shear back unchanged (schemes without force correction).
+
+    Notes
+    -----
+    With the correction force of Eq. 11, f_c = m (ü + ü_g) + c u̇ + k u − f, the shear fed back is f − g f_c. As the
+    integration balances Eq. 4 exactly, the required force is the shear fed back at the step before, and the correction
+    is the filter (1 + g) / (1 + g z⁻¹): unit gain and a lead of g / (1 + g) steps at low frequency, gain
+    (1 + g) / (1 − g) at the Nyquist frequency.
+    """
+
+    def __init__(self, config: ForceCorrectionConfig, active: bool) -> None:
+        self._gain = config.gain if active else 0.0
+
+    def reset(self) -> None:
+        """Nothing to forget: the memory of the correction is the required force."""
+
+    def step(self, required_force: float, interface_force: float) -> float:
+        """Return the shear to be fed back.
+
+        Parameters
+        ----------
+        required_force : float
+            m (ü + ü_g) + c u̇ + k u of this step [N].
+        interface_force : float
+            Shear measured in this step [N].
+
+        Returns
+        -------
+        float
+            f − g f_c [N].
+        """
+        return interface_force - self._gain * (required_force - interface_force)

@@ -1,0 +1,75 @@
+"""The earthquake of a test: which record, how it is scaled and how long it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.library import read_ground_motion
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.ground_motion.processing import pad, resample, scale_to_peak, truncate
+from bmd_rths_core.parameters import check_parameters, parameter
+
+
+@dataclass(frozen=True)
+class GroundMotionConfig:
+    """The earthquake."""
+
+    SECTION: ClassVar[str] = "ground_motion"
+
+    record: str = parameter(
+        "el_centro_1940_ns", description="Path of a ground-motion record, or the name of a record that is shipped"
+    )
+    peak_acceleration: float = parameter(
+        1.0,
+        description="Peak the record is scaled to, 0 for the record as it is",
+        unit="m/s2",
+        source="Chen et al. 2020: 1.0 m/s2",
+        lower=0.0,
+        upper=50.0,
+    )
+    duration: float = parameter(
+        0.0, description="Length of the record that is used, 0 for all of it", unit="s", lower=0.0, upper=3600.0
+    )
+    free_vibration: float = parameter(
+        0.0, description="Time at rest of the ground after the record", unit="s", lower=0.0, upper=600.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+        if not self.record:
+            raise InputError("ground_motion.record: empty; a path or the name of a shipped record is required")
+
+
+def select_ground_motion(config: GroundMotionConfig, time_step: float) -> GroundMotion:
+    """Return the ground motion of a test, ready for the loop.
+
+    The record is read, shortened, resampled to the time step, scaled and followed by rest. Scaling comes after
+    resampling, so that the peak the loop sees is exactly the one asked for.
+
+    Parameters
+    ----------
+    config : GroundMotionConfig
+        What is asked for.
+    time_step : float
+        Δt of the loop [s].
+
+    Returns
+    -------
+    GroundMotion
+        One sample a step.
+
+    Raises
+    ------
+    InputError
+        The record cannot be read, or its time step and Δt do not divide each other.
+    """
+    motion = read_ground_motion(config.record)
+    if config.duration > 0.0:
+        motion = truncate(motion, config.duration)
+    motion = resample(motion, time_step)
+    if config.peak_acceleration > 0.0:
+        motion = scale_to_peak(motion, config.peak_acceleration)
+    return pad(motion, motion.duration + config.free_vibration)

@@ -1,0 +1,155 @@
+"""Metrics of a run against the reference: RMSE per floor (Eq. 12) and tracking delay of the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.config import Config, config_from_mapping
+from bmd_rths_core.record import RunRecord
+from bmd_rths_core.reference import reference_response
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RunMetrics:
+    """What a run is judged by.
+
+    Parameters
+    ----------
+    rmse_percent : dict of str to float
+        Eq. 12 for ``substructure`` (the interface, as the numerical substructure computes it), ``control_layer`` (the
+        lowest measured floor) and ``superstructure`` (the highest) [%]. NaN where nothing can be compared.
+    floor_rmse_percent : tuple of float
+        Eq. 12 for every measured floor from the table up [%].
+    tracking_delay_ms : float
+        Delay from the desired to the achieved table acceleration [ms].
+    missing_values : int
+        Values that were not recorded and are left out of the metrics.
+    """
+
+    rmse_percent: dict[str, float]
+    floor_rmse_percent: tuple[float, ...]
+    tracking_delay_ms: float
+    missing_values: int
+
+
+def rmse_percent(reference: FloatArray, response: FloatArray) -> float:
+    """Return the relative root-mean-square error of Eq. 12.
+
+    Parameters
+    ----------
+    reference, response : ndarray, shape (N,)
+        Response of the reference and of the run at the same times; samples where the run has NaN are left out.
+
+    Returns
+    -------
+    float
+        √(Σ (reference − response)² / Σ reference²) · 100 [%]; NaN when the reference is zero or nothing is left.
+    """
+    valid = np.isfinite(response)
+    power = float(np.sum(reference[valid] ** 2))
+    if power == 0.0:
+        return float("nan")
+    return 100.0 * float(np.sqrt(np.sum((reference[valid] - response[valid]) ** 2) / power))
+
+
+def tracking_delay(desired: FloatArray, achieved: FloatArray, time_step: float, longest: float = 0.2) -> float:
+    """Return the delay at which the achieved signal resembles the desired one most.
+
+    The delay maximises the cross-correlation; a parabola through its three highest samples places the maximum between
+    the steps.
+
+    Parameters
+    ----------
+    desired, achieved : ndarray, shape (N,)
+        Signals sampled at the same times; NaN counts as zero.
+    time_step : float
+        Δt [s].
+    longest : float
+        Largest delay looked for [s].
+
+    Returns
+    -------
+    float
+        Delay of `achieved` behind `desired` [s]; NaN when one of them is zero.
+    """
+    desired, achieved = np.nan_to_num(desired), np.nan_to_num(achieved)
+    if not desired.any() or not achieved.any():
+        return float("nan")
+    lags = min(round(longest / time_step), len(desired) - 2)
+    padded = 2 * len(desired)  # the correlation by Fourier transform is circular
+    circular = np.fft.irfft(np.fft.rfft(achieved, padded) * np.conj(np.fft.rfft(desired, padded)), padded)
+    correlation = np.roll(circular, lags + 1)[: 2 * lags + 3]
+    peak = int(np.argmax(correlation[1:-1])) + 1
+    before, top, after = correlation[peak - 1 : peak + 2]
+    curvature = before - 2.0 * top + after
+    fraction = 0.5 * (before - after) / curvature if curvature < 0.0 else 0.0
+    return float((peak - 1 - lags + fraction) * time_step)
+
+
+def run_metrics(record: RunRecord) -> RunMetrics:
+    """Compare a run with the reference that its own configuration describes.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run. The ground motion is the recorded one.
+
+    Returns
+    -------
+    RunMetrics
+        Sensors are compared at the end of the step they were read at.
+    """
+    config = config_from_mapping(record.configuration)
+    reference = reference_of(record, config)
+    lower = len(config.numerical_substructure.masses)
+    at_interface = rmse_percent(reference[:, lower - 1], record.desired_acceleration)
+    floors = tuple(
+        rmse_percent(reference[1:, lower + i], record.floor_accelerations[:-1, i])
+        for i in range(len(config.specimen.masses))
+    )
+    delay = tracking_delay(record.desired_acceleration[1:], record.table_acceleration[:-1], record.time_step)
+    missing = sum(int(np.isnan(signal).sum()) for name, signal in record.signals().items() if name in _EVERY_STEP)
+    return RunMetrics(
+        rmse_percent={"substructure": at_interface, "control_layer": floors[0], "superstructure": floors[-1]},
+        floor_rmse_percent=floors,
+        tracking_delay_ms=1e3 * delay,
+        missing_values=missing,
+    )
+
+
+def reference_of(record: RunRecord, config: Config) -> FloatArray:
+    """Return the reference response to the ground motion of a run.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run, N steps.
+    config : Config
+        Its configuration.
+
+    Returns
+    -------
+    ndarray, shape (N, n)
+        Absolute acceleration of every floor of the whole building at the steps [m/s²].
+    """
+    building = config.specimen.building().stacked_on(config.numerical_substructure.building())
+    return reference_response(building, np.nan_to_num(record.ground_acceleration), record.time_step)
+
+
+#: Signals that every step of a complete recording has; sensors a laboratory lacks are NaN by design.
+_EVERY_STEP = (
+    "ground_acceleration",
+    "desired_acceleration",
+    "required_force",
+    "command",
+    "applied_command",
+    "table_acceleration",
+    "floor_accelerations",
+    "interface_force",
+    "corrected_force",
+)

@@ -1,0 +1,133 @@
+"""Numerical substructure: the lower part of the building, integrated exactly for piecewise-linear loads (Eq. 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from bmd_rths_core.discretisation import first_order_hold
+from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.shear_building import ShearBuilding, stories
+
+
+@dataclass(frozen=True)
+class NumericalSubstructureConfig:
+    """Stories below the interface, from the ground up; the interface is the topmost of these floors."""
+
+    SECTION: ClassVar[str] = "numerical_substructure"
+
+    masses: tuple[float, ...] = parameter(
+        (8000.0,),
+        description="Floor masses from the ground up; the last is the interface",
+        unit="kg",
+        source="Chen et al. 2020, simplified BMD: m_N = 8 kN s2/m",
+        lower=0.0,
+        lower_open=True,
+    )
+    stiffnesses: tuple[float, ...] = parameter(
+        (70823424.8,),
+        description="Story stiffnesses from the ground up",
+        unit="N/m",
+        source="Chen et al. 2020, simplified BMD: m_N w_N^2 with w_N = 94.09 rad/s",
+        lower=0.0,
+        lower_open=True,
+    )
+    damping_coefficients: tuple[float, ...] = parameter(
+        (25140.848,),
+        description="Story damping coefficients from the ground up",
+        unit="N s/m",
+        source="Chen et al. 2020, simplified BMD: 2 z_N w_N m_N with z_N = 1.67 %",
+        lower=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+        self.building()
+
+    def building(self) -> ShearBuilding:
+        """Return the substructure as a shear building."""
+        return stories(self.SECTION, self.masses, self.stiffnesses, self.damping_coefficients)
+
+
+class NumericalResponse(NamedTuple):
+    """What one integration step says about the interface.
+
+    Parameters
+    ----------
+    desired_acceleration : float
+        Absolute acceleration of the interface ü + ü_g, to be reproduced by the table [m/s²].
+    required_force : float
+        m (ü + ü_g) + c u̇ + k u at the interface: the shear that balances this response (Eqs. 4 and 11) [N].
+    """
+
+    desired_acceleration: float
+    required_force: float
+
+
+class NumericalSubstructure:
+    """Integrate the numerical substructure.
+
+    The ground acceleration and the interface shear are taken as linear between the steps; for such loads the solution
+    at the steps is exact, for any number of stories and any time step (the method of Nigam and Jennings 1969, in
+    state space).
+
+    Parameters
+    ----------
+    config : NumericalSubstructureConfig
+        Masses, stiffnesses and damping coefficients.
+    time_step : float
+        Δt [s].
+    """
+
+    def __init__(self, config: NumericalSubstructureConfig, time_step: float) -> None:
+        building = config.building()
+        n = building.stories
+        a, base_input, _ = building.relative_motion()
+        shear_input = np.zeros((2 * n, 1))
+        shear_input[-1, 0] = 1.0 / building.masses[-1]
+        phi, gamma_0, gamma_1 = first_order_hold(a, np.hstack((base_input, shear_input)), time_step)
+        # One product a step: [x, a_g, f] of the last step and [a_g, f] of this one give the state of this one.
+        self._transition = np.hstack((phi, gamma_0, gamma_1))
+        self._stacked = np.zeros(2 * n + 4)
+        self._state = np.zeros(2 * n)
+        self._interface_mass = building.masses[-1]
+        self._restoring = np.hstack((building.stiffness_matrix[-1], building.damping_matrix[-1]))
+        self._started = False
+
+    def reset(self) -> None:
+        """Return to rest before step 0."""
+        self._stacked[:] = 0.0
+        self._state[:] = 0.0
+        self._started = False
+
+    def step(self, ground_acceleration: float, feedback_force: float) -> NumericalResponse:
+        """Advance to the next step.
+
+        Parameters
+        ----------
+        ground_acceleration : float
+            a_g of this step [m/s²].
+        feedback_force : float
+            Interface shear fed back at the last step [N].
+
+        Returns
+        -------
+        NumericalResponse
+            Interface response at this step. The first call is step 0, at rest.
+        """
+        stacked, state = self._stacked, self._state
+        n = len(state)
+        stacked[n + 2] = ground_acceleration
+        stacked[n + 3] = feedback_force
+        if self._started:
+            np.dot(self._transition, stacked, out=state)
+        self._started = True
+        stacked[:n] = state
+        stacked[n] = ground_acceleration
+        stacked[n + 1] = feedback_force
+        restoring = float(self._restoring.dot(state))
+        acceleration = (feedback_force - restoring) / self._interface_mass
+        return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)

@@ -1,0 +1,236 @@
+"""Declare a parameter once: type, default, unit, bounds and source.
+
+A configuration section is a frozen dataclass whose fields are made by `parameter`. The YAML files, the ROS parameters
+with their descriptors and the in-process loop are all derived from that one declaration.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
+
+from bmd_rths_core.errors import InputError
+
+Section = TypeVar("Section")
+
+_METADATA_KEY = "bmd_rths.parameter"
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """What is known about one parameter besides its name, type and default.
+
+    Parameters
+    ----------
+    description : str
+        What the parameter is, in one sentence.
+    unit : str
+        SI unit, "1" for a dimensionless number, "" for text and flags.
+    source : str
+        Equation, table or reference the default comes from; "" when it is a choice of this project.
+    lower, upper : float, optional
+        Allowed range of the number, or of every entry of an array.
+    lower_open : bool
+        The lower bound itself is not allowed.
+    choices : tuple of str
+        The allowed values of a text parameter; empty when any text is allowed.
+    """
+
+    description: str
+    unit: str
+    source: str
+    lower: float | None
+    upper: float | None
+    lower_open: bool
+    choices: tuple[str, ...]
+
+    def allowed(self) -> str:
+        """Return the allowed values in words, for an error message or a parameter descriptor."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        unit = f" {self.unit}" if self.unit not in ("", "1") else ""
+        parts = []
+        if self.lower is not None:
+            parts.append(f"{'>' if self.lower_open else '>='} {self.lower:g}{unit}")
+        if self.upper is not None:
+            parts.append(f"<= {self.upper:g}{unit}")
+        return " and ".join(parts) if parts else "any finite value" + (f" in {self.unit}" if unit else "")
+
+    def _number_problem(self, value: float) -> bool:
+        if not math.isfinite(value):
+            return True
+        if self.lower is not None and (value < self.lower or (self.lower_open and value == self.lower)):
+            return True
+        return self.upper is not None and value > self.upper
+
+    def check(self, name: str, value: object) -> None:
+        """Raise `InputError` unless `value` is allowed.
+
+        Parameters
+        ----------
+        name : str
+            Full name of the parameter, for the message.
+        value : object
+            A value that already has the declared type.
+
+        Raises
+        ------
+        InputError
+            The value is not finite, out of bounds or not one of the choices.
+        """
+        entries = value if isinstance(value, tuple) else (value,)
+        for entry in entries:
+            if isinstance(entry, (int, float)) and not isinstance(entry, bool) and self._number_problem(entry):
+                raise InputError(f"{name}: {_shown(value)} is not allowed; {self.allowed()} is required")
+            if self.choices and entry not in self.choices:
+                raise InputError(f"{name}: {entry!r} is not allowed; {self.allowed()} is required")
+
+
+def parameter(
+    default: Any,
+    *,
+    description: str,
+    unit: str = "",
+    source: str = "",
+    lower: float | None = None,
+    upper: float | None = None,
+    lower_open: bool = False,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare one parameter of a configuration section (a dataclass field).
+
+    Parameters
+    ----------
+    default : Any
+        Value used when the user gives none.
+    description, unit, source, lower, upper, lower_open, choices
+        See `ParameterSpec`.
+
+    Returns
+    -------
+    Any
+        A `dataclasses.field` that carries the declaration.
+    """
+    spec = ParameterSpec(description, unit, source, lower, upper, lower_open, choices)
+    return field(default=default, metadata={_METADATA_KEY: spec})
+
+
+def specs(section: type) -> dict[str, ParameterSpec]:
+    """Return the declaration of every parameter of a section.
+
+    Parameters
+    ----------
+    section : type
+        A configuration dataclass.
+
+    Returns
+    -------
+    dict of str to ParameterSpec
+        In the order of declaration.
+    """
+    return {f.name: f.metadata[_METADATA_KEY] for f in fields(section)}
+
+
+def section_name(section: type) -> str:
+    """Return the name of a section in YAML and in ROS parameter names.
+
+    Parameters
+    ----------
+    section : type
+        A configuration dataclass with a `SECTION` class attribute.
+
+    Returns
+    -------
+    str
+        For example ``"numerical_substructure"``.
+    """
+    return str(section.SECTION)  # type: ignore[attr-defined]
+
+
+def check_parameters(config: Any) -> None:
+    """Check every field of a section against its declaration; call it from ``__post_init__``.
+
+    Parameters
+    ----------
+    config : Any
+        An instance of a configuration dataclass.
+
+    Raises
+    ------
+    InputError
+        A value is not allowed.
+    """
+    name = section_name(type(config))
+    for key, spec in specs(type(config)).items():
+        spec.check(f"{name}.{key}", getattr(config, key))
+
+
+def build_section(section: type[Section], values: Mapping[str, object]) -> Section:
+    """Make a configuration section from a mapping, as read from YAML or from ROS parameters.
+
+    Parameters
+    ----------
+    section : type
+        The configuration dataclass.
+    values : Mapping
+        Parameter names and values. Integers are taken where numbers are declared; nothing else is converted.
+
+    Returns
+    -------
+    Section
+        The validated section.
+
+    Raises
+    ------
+    InputError
+        A key is unknown, or a value has the wrong type or is out of bounds.
+    """
+    name = section_name(section)
+    declared = specs(section)
+    for key in values:
+        if key not in declared:
+            raise InputError(f"{name}.{key}: unknown parameter; allowed here: {', '.join(declared)}")
+    hints = typing.get_type_hints(section)
+    return section(**{key: _typed(f"{name}.{key}", value, hints[key], declared[key]) for key, value in values.items()})
+
+
+def _shown(value: object) -> str:
+    return f"[{', '.join(f'{v:g}' for v in value)}]" if isinstance(value, tuple) else f"{value}"
+
+
+def _typed(name: str, value: object, hint: Any, spec: ParameterSpec) -> object:
+    """Return `value` as the declared type, or raise one clear line."""
+    if isinstance(hint, types.GenericAlias):  # tuple[float, ...] is the only array type of a parameter
+        if not isinstance(value, (list, tuple)):
+            raise InputError(f"{name}: {value!r} is not a list; a list of numbers in {spec.unit} is required")
+        return tuple(_number(f"{name}[{i}]", entry, spec) for i, entry in enumerate(value))
+    if hint is float:
+        return _number(name, value, spec)
+    if hint is int and (isinstance(value, bool) or not isinstance(value, int)):
+        raise InputError(f"{name}: {value!r} is not a whole number; {spec.allowed()} is required")
+    if hint is bool and not isinstance(value, bool):
+        raise InputError(f"{name}: {value!r} is neither true nor false")
+    if hint is str and not isinstance(value, str):
+        raise InputError(f"{name}: {value!r} is not text; {spec.allowed()} is required")
+    return value
+
+
+def _number(name: str, value: object, spec: ParameterSpec) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        hint = ""
+        if isinstance(value, str) and _is_number(value):
+            hint = f" (YAML reads {value} as text: write it with a decimal point, {float(value):.6e})"
+        raise InputError(f"{name}: {value!r} is not a number{hint}; {spec.allowed()} is required")
+    return float(value)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

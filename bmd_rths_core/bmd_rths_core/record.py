@@ -1,0 +1,196 @@
+"""Everything that is known about one run, whether it was simulated or read from a bag."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.version import __version__
+
+FloatArray = NDArray[np.float64]
+
+#: How a run can end. "cut" is a recording without an end: the recorder was killed.
+OUTCOMES = ("finished", "stopped", "limit", "failed", "cut")
+
+
+@dataclass(frozen=True)
+class TimingStatistics:
+    """Deadlines and closure times of a run against the wall clock.
+
+    Parameters
+    ----------
+    missed_deadlines : int
+        Steps whose shear had not arrived at the next tick.
+    max_consecutive_misses : int
+        Longest run of misses in a row.
+    missed_steps : tuple of int
+        Indices of the steps that missed.
+    late_ticks : int
+        Ticks that came more than one time step late, so that the schedule was moved.
+    closure_ms : Mapping of str to float
+        ``p50``, ``p99`` and ``max`` of the time from the publication of the desired acceleration to the arrival of
+        the corrected shear of the same step [ms].
+    """
+
+    missed_deadlines: int
+    max_consecutive_misses: int
+    missed_steps: tuple[int, ...]
+    late_ticks: int
+    closure_ms: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run: the signals of every step and the story around them.
+
+    Row k of every signal belongs to step k. Signals of the controller belong to test time ``k·Δt``, sensors are read at
+    the end of the step, at ``(k + 1)·Δt`` (see `sensor_time`). A value that was not measured or not recorded is NaN.
+
+    Parameters
+    ----------
+    time_step : float
+        Δt [s].
+    ground_acceleration : ndarray, shape (N,)
+        a_g [m/s²].
+    desired_acceleration : ndarray, shape (N,)
+        Absolute interface acceleration of the numerical substructure [m/s²].
+    required_force : ndarray, shape (N,)
+        Left side of Eq. 4 at the interface, m(ü+ü_g) + c u̇ + k u [N].
+    command : ndarray, shape (N,)
+        Acceleration command of the command shaper [m/s²].
+    applied_command : ndarray, shape (N,)
+        Acceleration command the table controller says it applied [m/s²].
+    table_acceleration : ndarray, shape (N,)
+        Measured absolute acceleration of the table [m/s²].
+    table_displacement : ndarray, shape (N,)
+        Measured displacement of the table [m].
+    actuator_force : ndarray, shape (N,)
+        Measured force of the actuator [N].
+    base_shear : ndarray, shape (N,)
+        Interface shear from load cells [N].
+    floor_accelerations : ndarray, shape (N, n)
+        Measured absolute acceleration of the floors of the experimental substructure [m/s²].
+    interface_force : ndarray, shape (N,)
+        Estimated interface shear f = −Σ mᵢ aᵢ [N].
+    corrected_force : ndarray, shape (N,)
+        Shear fed back to the numerical substructure [N].
+    configuration : Mapping
+        Resolved configuration, as nested plain values.
+    motion : Mapping
+        ``name``, ``sha256`` and ``source`` of the ground motion.
+    versions : Mapping
+        Versions of this project, its libraries, Python and ROS.
+    outcome : str
+        One of `OUTCOMES`.
+    reason : str
+        Why it ended, in words.
+    timing : TimingStatistics, optional
+        None when the run did not follow a clock.
+    source : str
+        ``"in process"`` or the path of the bag.
+    """
+
+    time_step: float
+    ground_acceleration: FloatArray
+    desired_acceleration: FloatArray
+    required_force: FloatArray
+    command: FloatArray
+    applied_command: FloatArray
+    table_acceleration: FloatArray
+    table_displacement: FloatArray
+    actuator_force: FloatArray
+    base_shear: FloatArray
+    floor_accelerations: FloatArray
+    interface_force: FloatArray
+    corrected_force: FloatArray
+    configuration: Mapping[str, Any]
+    motion: Mapping[str, Any]
+    versions: Mapping[str, str] = field(default_factory=dict)
+    outcome: str = "finished"
+    reason: str = ""
+    timing: TimingStatistics | None = None
+    source: str = "in process"
+
+    @property
+    def steps(self) -> int:
+        """Number of steps N."""
+        return len(self.desired_acceleration)
+
+    @property
+    def time(self) -> FloatArray:
+        """Test time of the controller's signals [s], shape (N,)."""
+        return self.time_step * np.arange(self.steps, dtype=np.float64)
+
+    @property
+    def sensor_time(self) -> FloatArray:
+        """Test time of the sensors [s], shape (N,): the end of each step."""
+        return self.time_step * np.arange(1, self.steps + 1, dtype=np.float64)
+
+    @property
+    def stable(self) -> bool:
+        """True when no limit was passed in what was recorded."""
+        return self.outcome != "limit"
+
+    def signals(self) -> dict[str, FloatArray]:
+        """Return every recorded signal by name."""
+        return {name: getattr(self, name) for name in SIGNALS}
+
+    def same_signals(self, other: RunRecord) -> bool:
+        """Tell whether every signal equals that of another record bit for bit (a NaN equals a NaN)."""
+        mine, theirs = self.signals(), other.signals()
+        return all(np.array_equal(mine[name], theirs[name], equal_nan=True) for name in mine)
+
+
+#: Names of the signals of a `RunRecord`.
+SIGNALS = tuple(f.name for f in fields(RunRecord) if f.type == "FloatArray")
+
+
+def empty_signals(steps: int, floors: int) -> dict[str, FloatArray]:
+    """Return the signals of a `RunRecord` with nothing recorded yet.
+
+    Parameters
+    ----------
+    steps : int
+        Number of steps N.
+    floors : int
+        Number of measured floors n.
+
+    Returns
+    -------
+    dict of str to ndarray
+        NaN everywhere, shape (N,), and (N, n) for ``floor_accelerations``.
+    """
+    return {name: np.full((steps, floors) if name == "floor_accelerations" else steps, np.nan) for name in SIGNALS}
+
+
+def provenance(configuration: Mapping[str, Any], motion: GroundMotion) -> dict[str, Any]:
+    """Return the fields of a `RunRecord` that say where its numbers come from.
+
+    Parameters
+    ----------
+    configuration : Mapping
+        Resolved configuration, as nested plain values.
+    motion : GroundMotion
+        The ground motion of the run.
+
+    Returns
+    -------
+    dict
+        ``configuration``, ``motion`` and ``versions``.
+    """
+    return {
+        "configuration": configuration,
+        "motion": {"name": motion.name, "sha256": motion.sha256, "source": motion.source},
+        "versions": {
+            "bmd_rths": __version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "scipy", "filterpy")},
+        },
+    }

@@ -1,0 +1,1 @@
+"""Table controllers and the models behind the simulated one."""

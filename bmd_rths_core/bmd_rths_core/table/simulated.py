@@ -1,0 +1,242 @@
+"""Simulated table with the specimen on it: exact discretisation, delay, sensor noise by seed, quantisation."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.discretisation import zero_order_hold
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_core.table.dynamics import StateSpace, series, servo_sections
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SimulatedTableConfig:
+    """The virtual shake table and its sensors."""
+
+    SECTION: ClassVar[str] = "simulated_table"
+
+    dynamics: str = parameter(
+        "servo",
+        description="Model of the table: third-order servo, the sections given, or an ideal table",
+        choices=("servo", "sections", "perfect"),
+    )
+    servo_real_pole: float = parameter(
+        49.6,
+        description="Real pole of the servo table",
+        unit="rad/s",
+        source="assumed: about 20 ms of delay below 8 Hz",
+        lower=0.0,
+        lower_open=True,
+    )
+    servo_frequency: float = parameter(
+        183.6,
+        description="Natural frequency of the oscillatory pair of the servo table",
+        unit="rad/s",
+        source="assumed",
+        lower=0.0,
+        lower_open=True,
+    )
+    servo_damping_ratio: float = parameter(
+        0.167,
+        description="Damping ratio of the oscillatory pair of the servo table",
+        unit="1",
+        source="assumed",
+        lower=0.0,
+        lower_open=True,
+    )
+    sections: tuple[float, ...] = parameter(
+        (),
+        description="Analog sections in series, rows of b2 b1 b0 a2 a1 a0, used when dynamics is sections",
+        unit="coefficients of s2, s and 1",
+        source="Eq. 9 of Chen et al. 2020 has this form",
+    )
+    command_delay: float = parameter(
+        0.0,
+        description="Pure delay of the command before the table, in full or fractional time steps",
+        unit="s",
+        lower=0.0,
+        upper=1.0,
+    )
+    platen_mass: float = parameter(
+        2500.0,
+        description="Mass of the table platen, for the actuator force",
+        unit="kg",
+        source="assumed",
+        lower=0.0,
+    )
+    acceleration_noise: float = parameter(
+        0.0524,
+        description="Noise of every accelerometer, root mean square",
+        unit="m/s2",
+        source="Chen et al. 2020",
+        lower=0.0,
+    )
+    acceleration_resolution: float = parameter(
+        0.0,
+        description="Quantisation step of every accelerometer, 0 for none",
+        unit="m/s2",
+        lower=0.0,
+    )
+    shear_noise: float = parameter(
+        20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", lower=0.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values and the table model."""
+        check_parameters(self)
+        if self.dynamics == "sections" and not self.sections:
+            raise InputError("simulated_table.sections: empty; dynamics 'sections' requires at least one row of six")
+        self.state_space()
+
+    def state_space(self) -> StateSpace:
+        """Return the table model without the pure delay."""
+        if self.dynamics == "servo":
+            return series(servo_sections(self.servo_real_pole, self.servo_frequency, self.servo_damping_ratio))
+        return series(self.sections if self.dynamics == "sections" else ())
+
+
+class SimulatedTable:
+    """A table controller whose table and specimen are a linear model.
+
+    The command is held over the step, delayed by any fraction of it, and the whole chain (table, specimen, table
+    displacement) is advanced by one exact discretisation. The sensors are read at the end of the hold.
+
+    Parameters
+    ----------
+    config : SimulatedTableConfig
+        Table and sensors.
+    specimen : ShearBuilding
+        What stands on the table, n floors.
+    time_step : float
+        Δt [s].
+    seed : int
+        Seed of the sensor noise.
+    """
+
+    def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
+        self._seed = seed
+        self._masses = np.asarray(specimen.masses)
+        self._platen_mass = config.platen_mass
+        self._noise = np.full(specimen.stories + 2, config.acceleration_noise)
+        self._noise[-1] = config.shear_noise
+        self._resolution = config.acceleration_resolution
+
+        table = config.state_space()
+        a, b, self._output, self._feedthrough = _plant(table, specimen)
+        self._table_rows = slice(0, 1 + specimen.stories)
+        whole, fraction = divmod(config.command_delay / time_step, 1.0)
+        # With a fractional delay the older command acts for the first part of the step and the newer for the rest.
+        self._phi, newer = zero_order_hold(a, b, (1.0 - fraction) * time_step)
+        older = np.zeros_like(newer)
+        if fraction > 0.0:
+            first_phi, first_gamma = zero_order_hold(a, b, fraction * time_step)
+            older = self._phi @ first_gamma
+            self._phi = self._phi @ first_phi
+        self._newer, self._older = newer[:, 0], older[:, 0]
+        self._delay_steps = int(whole)
+        self.connect()
+
+    def connect(self) -> None:
+        """Put the table at rest before step 0 and start the noise again from the seed."""
+        self._random = np.random.default_rng(self._seed)
+        self._state = np.zeros(len(self._phi))
+        self._line = deque([0.0] * (self._delay_steps + 2), maxlen=self._delay_steps + 2)
+        self._next_step = 0
+        self._held = 0.0
+        self._connected = True
+
+    def exchange(self, command: TableCommand) -> TableMeasurement:
+        """Hold a command for one step.
+
+        Parameters
+        ----------
+        command : TableCommand
+            The command; steps that were skipped are simulated with the last command held.
+
+        Returns
+        -------
+        TableMeasurement
+            Sensors at the end of the step.
+
+        Raises
+        ------
+        RuntimeError
+            The table was stopped, or the step lies in the past.
+        """
+        if not self._connected:
+            raise RuntimeError(f"command of step {command.step} refused: the simulated table is stopped")
+        if command.step < self._next_step:
+            raise RuntimeError(f"command of step {command.step} refused: step {self._next_step} is next")
+        while self._next_step < command.step:
+            self._advance(self._held)
+        self._held = command.acceleration
+        return self._advance(command.acceleration)
+
+    def stop(self) -> None:
+        """Refuse further commands; the model needs no ramp to rest."""
+        self._connected = False
+
+    def close(self) -> None:
+        """Refuse further commands; there is nothing to release."""
+        self._connected = False
+
+    def _advance(self, acceleration: float) -> TableMeasurement:
+        line = self._line
+        line.append(acceleration)
+        self._state = self._phi @ self._state + self._newer * line[1] + self._older * line[0]
+        truth = self._output @ self._state + self._feedthrough * line[1]
+        table, floors, displacement = truth[0], truth[1:-1], truth[-1]
+        shear = -float(self._masses @ floors)
+        noise = self._noise * self._random.standard_normal(len(self._noise))
+        sensed = truth[:-1] + noise[:-1]
+        if self._resolution > 0.0:
+            sensed = np.round(sensed / self._resolution) * self._resolution
+        step = self._next_step
+        self._next_step += 1
+        return TableMeasurement(
+            step=step,
+            applied_command=acceleration,
+            table_displacement=float(displacement),
+            table_acceleration=float(sensed[0]),
+            actuator_force=float(self._platen_mass * table - shear),
+            base_shear=shear + float(noise[-1]),
+            floor_accelerations=sensed[1:],
+        )
+
+
+def _plant(table: StateSpace, specimen: ShearBuilding) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return table, specimen and table displacement as one system.
+
+    States: table, specimen relative to the table, table displacement and velocity. Outputs: absolute acceleration of
+    table and floors, table displacement.
+    """
+    floors_a, floors_b, floors_c = specimen.relative_motion()
+    n_table, n_floors = len(table.a), len(floors_a)
+    size = n_table + n_floors + 2
+    in_table, in_floors = slice(0, n_table), slice(n_table, n_table + n_floors)
+    a, b = np.zeros((size, size)), np.zeros((size, 1))
+    a[in_table, in_table] = table.a
+    b[in_table] = table.b
+    a[in_floors, in_table] = floors_b @ table.c
+    a[in_floors, in_floors] = floors_a
+    b[in_floors] = floors_b * table.d
+    a[-2, -1] = 1.0
+    a[-1, in_table] = table.c[0]
+    b[-1] = table.d
+    output = np.zeros((specimen.stories + 2, size))
+    output[0, in_table] = table.c[0]
+    output[1:-1, in_floors] = floors_c
+    output[-1, -2] = 1.0
+    feedthrough = np.zeros(specimen.stories + 2)
+    feedthrough[0] = table.d
+    return a, b, output, feedthrough

@@ -1,0 +1,49 @@
+"""Experimental substructure: what stands on the table, as a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.shear_building import ShearBuilding, stories
+
+
+@dataclass(frozen=True)
+class SpecimenConfig:
+    """Stories above the interface, from the table up: control layer, then superstructure."""
+
+    SECTION: ClassVar[str] = "specimen"
+
+    masses: tuple[float, ...] = parameter(
+        (760.0, 800.0),
+        description="Floor masses from the table up: control layer, superstructure",
+        unit="kg",
+        source="Chen et al. 2020, Table 1",
+        lower=0.0,
+        lower_open=True,
+    )
+    stiffnesses: tuple[float, ...] = parameter(
+        (2495320.0, 4941700.0),
+        description="Story stiffnesses from the table up",
+        unit="N/m",
+        source="Chen et al. 2020, Table 1",
+        lower=0.0,
+        lower_open=True,
+    )
+    damping_coefficients: tuple[float, ...] = parameter(
+        (3330.0, 78.0),
+        description="Story damping coefficients from the table up",
+        unit="N s/m",
+        source="Chen et al. 2020, Table 1",
+        lower=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+        self.building()
+
+    def building(self) -> ShearBuilding:
+        """Return the experimental substructure as a shear building."""
+        return stories(self.SECTION, self.masses, self.stiffnesses, self.damping_coefficients)

@@ -1,0 +1,1 @@
+"""Topics, message codecs and bags of real-time hybrid simulation, without rclpy."""

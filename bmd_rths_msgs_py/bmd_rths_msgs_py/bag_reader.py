@@ -1,0 +1,208 @@
+"""Read a bag, whole or cut, into a `RunRecord`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import yaml
+from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from bmd_rths_core.config import RunConfig
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.parameters import build_section
+from bmd_rths_core.record import OUTCOMES, FloatArray, RunRecord
+from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
+from bmd_rths_msgs_py.story import END_RECORD, START_RECORD, read_object, read_timing
+from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, Topic
+
+#: Stamps beyond this step (seven hours at 200 Hz) are those of another clock, not of a test.
+MAX_STEPS = 5_000_000
+
+
+def read_bag(path: Path | str) -> RunRecord:
+    """Read the record of a run.
+
+    A bag that was cut, because its writer was killed or because the file was damaged, is read up to its first
+    incomplete record; the outcome is then ``"cut"``. Values whose message is missing are NaN, of two messages of one
+    step the last one counts, and malformed messages are left out; ``reason`` says how many. A bag without any
+    measurement has no floors.
+
+    Parameters
+    ----------
+    path : Path or str
+        Bag directory or MCAP file.
+
+    Returns
+    -------
+    RunRecord
+        The run.
+
+    Raises
+    ------
+    InputError
+        It cannot be read or is not a bag of this project.
+    """
+    path = Path(path)
+    try:
+        contents = _Contents(_bag_files(path))
+        if START_RECORD not in contents.metadata:
+            contents.take_custom_data(path / "metadata.yaml")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        return contents.record(str(path))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _bag_files(path: Path) -> list[Path]:
+    """Return the MCAP files of a bag in the order in which they were written."""
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    if not files:
+        raise InputError(f"{path}: no .mcap file in it; a bag directory or an MCAP file is required")
+    return files
+
+
+class _Contents:
+    """What the files of a bag hold, not yet put in order: another tool may have moved the metadata to the end."""
+
+    def __init__(self, files: list[Path]) -> None:
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.messages: dict[str, list[bytes]] = defaultdict(list)
+        self.malformed: list[str] = []
+        self.whole = True
+        for file in files:
+            self.whole &= self._read(file.read_bytes())
+
+    def _read(self, data: bytes) -> bool:
+        """Take one file; tell whether it is whole."""
+        topics: dict[int, str] = {}
+        for record in _records_until_damage(data):
+            if isinstance(record, Message):
+                if record.channel_id in topics:
+                    self.messages[topics[record.channel_id]].append(record.data)
+            elif isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Metadata):
+                self.metadata[record.name] = record.metadata
+            elif isinstance(record, DataEnd):
+                return True  # behind it is an index, which is not needed
+        return False
+
+    def take_custom_data(self, file: Path) -> None:
+        """Take the story of the run from ``metadata.yaml``: tools that rewrite a bag drop the records of the MCAP."""
+        try:
+            story = yaml.safe_load(file.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]["custom_data"]
+        except (FileNotFoundError, NotADirectoryError, yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError):
+            return
+        if isinstance(story, dict) and "configuration" in story:
+            self.metadata[START_RECORD] = story
+            if "outcome" in story:
+                self.metadata[END_RECORD] = story
+
+    def record(self, source: str) -> RunRecord:
+        if START_RECORD not in self.metadata:
+            raise InputError(f"not a bag of bmd_rths, or cut before its first record; no record {START_RECORD!r} in it")
+        story = self.metadata[START_RECORD]
+        configuration = read_object(story, "configuration")
+        run = configuration.get("run")
+        if not isinstance(run, dict) or "time_step" not in run:
+            raise InputError("configuration: run.time_step is missing")
+        time_step_ns = build_section(RunConfig, {"time_step": run["time_step"]}).time_step_ns
+        scalars = {topic.name: self._scalars(topic, time_step_ns) for topic in SCALAR_TOPICS}
+        measurements, floors = self._measurements(time_step_ns)
+        steps = 1 + max(chain(measurements, *scalars.values()), default=-1)
+        signals = {name: _column(found, steps) for name, found in scalars.items()}
+        for name in TableMeasurement._fields[1:-1]:
+            signals[name] = _column({step: getattr(found, name) for step, found in measurements.items()}, steps)
+        floor_accelerations = np.full((steps, floors), np.nan)
+        for step, found in measurements.items():
+            floor_accelerations[step] = found.floor_accelerations
+        end = self.metadata.get(END_RECORD, {})
+        outcome, reason = self._ending(end, f"{steps} steps ({steps * time_step_ns * 1e-9:.3f} s)")
+        return RunRecord(
+            time_step=float(run["time_step"]),
+            **signals,
+            floor_accelerations=floor_accelerations,
+            configuration=configuration,
+            motion=read_object(story, "motion"),
+            versions=read_object(story, "versions"),
+            outcome=outcome,
+            reason=reason,
+            timing=read_timing(end),
+            source=source,
+        )
+
+    def _scalars(self, topic: Topic, time_step_ns: int) -> dict[int, float]:
+        unpack = ScalarCodec().unpack
+        found = {}
+        for data in self.messages[topic.full_name]:
+            try:
+                stamp_ns, value = unpack(data)
+                found[_step(stamp_ns, time_step_ns)] = value
+            except MalformedMessage as problem:
+                self.malformed.append(f"{topic.full_name}: {problem}")
+        return found
+
+    def _measurements(self, time_step_ns: int) -> tuple[dict[int, TableMeasurement], int]:
+        """Return the measurements by step and the number of floors, which the first well-formed one decides."""
+        found: dict[int, TableMeasurement] = {}
+        floors = 0
+        for data in self.messages[MEASUREMENT.full_name]:
+            try:
+                if not found:
+                    floors = count_floors(data)
+                    unpack = MeasurementCodec(floors, time_step_ns).unpack
+                stamp_ns, measurement = unpack(data)
+                found[_step(stamp_ns, time_step_ns)] = measurement
+            except MalformedMessage as problem:
+                self.malformed.append(f"{MEASUREMENT.full_name}: {problem}")
+        return found, floors if found else 0
+
+    def _ending(self, end: Mapping[str, str], extent: str) -> tuple[str, str]:
+        """Return outcome and reason."""
+        reasons = [str(end["reason"])] if end.get("reason") else []
+        outcome = end.get("outcome", "cut")
+        if outcome not in OUTCOMES:
+            raise InputError(f"outcome {outcome!r} is unknown; one of {', '.join(OUTCOMES)} is required")
+        if not self.whole:
+            outcome = "cut"
+            reasons.append(f"the recording is cut or damaged after {extent}")
+        elif not end:
+            reasons.append(f"the recording has no end; it holds {extent}")
+        if self.malformed:
+            reasons.append(f"{len(self.malformed)} malformed messages were left out, the first of {self.malformed[0]}")
+        return outcome, "; ".join(reasons)
+
+
+def _records_until_damage(data: bytes) -> Iterator[McapRecord]:
+    """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum."""
+    records = StreamReader(BytesIO(data), validate_crcs=True, record_size_limit=len(data)).records
+    while True:
+        try:
+            record = next(records)
+        except Exception:  # whatever mcap, struct, the text codec or a decompressor make of damaged bytes
+            return
+        yield record
+
+
+def _step(stamp_ns: int, time_step_ns: int) -> int:
+    step, remainder = divmod(stamp_ns, time_step_ns)
+    if remainder or step >= MAX_STEPS:
+        raise MalformedMessage(f"stamp {stamp_ns} ns is not that of a step")
+    return step
+
+
+def _column(found: Mapping[int, float], steps: int) -> FloatArray:
+    column = np.full(steps, np.nan)
+    column[list(found)] = list(found.values())
+    return column

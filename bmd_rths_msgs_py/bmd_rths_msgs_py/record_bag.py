@@ -1,0 +1,63 @@
+"""Write the record of a run in process as a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bmd_rths_core.config import RunConfig
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.parameters import build_section
+from bmd_rths_core.record import RunRecord
+from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.bag_writer import BagWriter
+from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
+from bmd_rths_msgs_py.story import end_metadata, start_metadata
+from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS
+
+
+def write_record(record: RunRecord, directory: Path) -> Path:
+    """Write a record as a bag with the topics of a real run; `read_bag` returns the same signals bit for bit.
+
+    Test time takes the place of the wall clock: the log time of a message is its stamp.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run, with at least one floor.
+    directory : Path
+        The bag directory, which must be new or empty.
+
+    Returns
+    -------
+    Path
+        The directory.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written, or the configuration of the record contradicts its time step.
+    """
+    configured = record.configuration.get("run", {}).get("time_step")
+    if configured != record.time_step:
+        raise InputError(f"run.time_step: {configured!r} in the configuration of a record of {record.time_step!r} s")
+    time_step_ns = build_section(RunConfig, {"time_step": record.time_step}).time_step_ns
+    measurement_codec = MeasurementCodec(record.floor_accelerations.shape[1], time_step_ns, MEASUREMENT.frame_id)
+    scalars = [(topic, ScalarCodec(topic.frame_id), getattr(record, topic.name).tolist()) for topic in SCALAR_TOPICS]
+    writer = BagWriter(directory, metadata=start_metadata(record.configuration, record.motion, record.versions))
+    for step in range(record.steps):
+        stamp_ns = step * time_step_ns
+        for topic, codec, values in scalars:
+            writer.write(topic.full_name, topic.type_name, codec.pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
+        measurement = TableMeasurement(
+            step,
+            record.applied_command[step],
+            record.table_displacement[step],
+            record.table_acceleration[step],
+            record.actuator_force[step],
+            record.base_shear[step],
+            record.floor_accelerations[step],
+        )
+        data = measurement_codec.pack(stamp_ns, measurement)
+        writer.write(MEASUREMENT.full_name, MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
+    writer.close(end_metadata(record.outcome, record.reason, record.timing))
+    return directory

@@ -1,0 +1,132 @@
+"""Every topic of a run: type, frame, who publishes it and who listens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+NAMESPACE = "rths"
+
+NUMERICAL_SUBSTRUCTURE = "numerical_substructure"
+COMMAND_SHAPER = "command_shaper"
+TABLE_DRIVER = "table_driver"
+SHEAR_ESTIMATOR = "shear_estimator"
+FORCE_CORRECTION = "force_correction"
+RECORDER = "recorder"
+
+#: The roles of a run, in the order in which a step passes through them.
+ROLES = (NUMERICAL_SUBSTRUCTURE, COMMAND_SHAPER, TABLE_DRIVER, SHEAR_ESTIMATOR, FORCE_CORRECTION, RECORDER)
+
+#: Producer of a topic that every role publishes.
+EVERY_ROLE = "all"
+
+ACCELERATION_TYPE = "geometry_msgs/msg/AccelStamped"
+FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
+MEASUREMENT_TYPE = "trajectory_msgs/msg/JointTrajectory"
+DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic.
+
+    Parameters
+    ----------
+    name : str
+        Name relative to the namespace `NAMESPACE`; absolute when it begins with ``/``.
+    type_name : str
+        Message type, for example ``"geometry_msgs/msg/AccelStamped"``.
+    producer : str
+        Role that publishes it, or `EVERY_ROLE`.
+    consumers : tuple of str
+        Roles that listen to it.
+    frame_id : str
+        ``header.frame_id`` that this project writes; any other one is read as well.
+    description : str
+        Content and unit, in one sentence.
+    """
+
+    name: str
+    type_name: str
+    producer: str
+    consumers: tuple[str, ...]
+    frame_id: str
+    description: str
+
+    @property
+    def full_name(self) -> str:
+        """Absolute name, for example ``"/rths/command"``."""
+        return self.name if self.name.startswith("/") else f"/{NAMESPACE}/{self.name}"
+
+
+GROUND_ACCELERATION = Topic(
+    "ground_acceleration",
+    ACCELERATION_TYPE,
+    NUMERICAL_SUBSTRUCTURE,
+    (RECORDER,),
+    "world",
+    "linear.x: ground acceleration a_g [m/s2]",
+)
+DESIRED_ACCELERATION = Topic(
+    "desired_acceleration",
+    ACCELERATION_TYPE,
+    NUMERICAL_SUBSTRUCTURE,
+    (COMMAND_SHAPER, RECORDER),
+    "world",
+    "linear.x: absolute acceleration of the interface, from Eq. 4 [m/s2]",
+)
+REQUIRED_FORCE = Topic(
+    "required_force",
+    FORCE_TYPE,
+    NUMERICAL_SUBSTRUCTURE,
+    (FORCE_CORRECTION, RECORDER),
+    "interface",
+    "force.x: left side of Eq. 4 at the interface, m(u''+u_g'') + c u' + k u [N]",
+)
+COMMAND = Topic(
+    "command",
+    ACCELERATION_TYPE,
+    COMMAND_SHAPER,
+    (TABLE_DRIVER, RECORDER),
+    "world",
+    "linear.x: acceleration command of the table, held over the step [m/s2]",
+)
+MEASUREMENT = Topic(
+    "measurement",
+    MEASUREMENT_TYPE,
+    TABLE_DRIVER,
+    (SHEAR_ESTIMATOR, RECORDER),
+    "world",
+    "joints table, floor_1 to floor_n, applied_command; one point of positions [m], accelerations [m/s2], effort [N]",
+)
+INTERFACE_FORCE = Topic(
+    "interface_force",
+    FORCE_TYPE,
+    SHEAR_ESTIMATOR,
+    (FORCE_CORRECTION, RECORDER),
+    "interface",
+    "force.x: estimated interface shear [N]",
+)
+CORRECTED_FORCE = Topic(
+    "corrected_force",
+    FORCE_TYPE,
+    FORCE_CORRECTION,
+    (NUMERICAL_SUBSTRUCTURE, RECORDER),
+    "interface",
+    "force.x: interface shear fed back to the numerical substructure [N]",
+)
+DIAGNOSTICS = Topic(
+    "/diagnostics", DIAGNOSTICS_TYPE, EVERY_ROLE, (RECORDER,), "", "deadlines, latency, limits and state of every node"
+)
+
+#: Topics with one number a step, in the order of a step. Each has the name of its signal in a `RunRecord`.
+SCALAR_TOPICS = (
+    GROUND_ACCELERATION,
+    DESIRED_ACCELERATION,
+    REQUIRED_FORCE,
+    COMMAND,
+    INTERFACE_FORCE,
+    CORRECTED_FORCE,
+)
+
+#: Every topic by its (relative) name.
+TOPICS = {topic.name: topic for topic in (*SCALAR_TOPICS, MEASUREMENT, DIAGNOSTICS)}

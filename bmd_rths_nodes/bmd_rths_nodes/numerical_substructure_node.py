@@ -1,0 +1,182 @@
+"""Numerical substructure: the clock of the loop. Corrected shear in, desired acceleration and required force out."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from bmd_rths_core.assembly import make_numerical_substructure
+from bmd_rths_core.config import Config
+from bmd_rths_core.deadlines import DeadlineMonitor
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_msgs_py.topics import (
+    CORRECTED_FORCE,
+    DESIRED_ACCELERATION,
+    GROUND_ACCELERATION,
+    NUMERICAL_SUBSTRUCTURE,
+    RECORDER,
+    REQUIRED_FORCE,
+    ROLES,
+)
+from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.spin import run_nodes
+from bmd_rths_nodes.ros.stage_node import StageNode
+
+#: In lockstep, a step that has not closed after this time ends the test [s].
+LOCKSTEP_TIMEOUT = 5.0
+
+#: Time between the moment all nodes are ready and step 0 [s].
+START_DELAY = 0.05
+
+
+class NumericalSubstructureNode(StageNode):
+    """Node around `bmd_rths_core.numerical_substructure.NumericalSubstructure`.
+
+    It waits until every node of the loop reports that it is matched with its peers, runs the ground motion from step 0
+    to its end, and then tells on /diagnostics how the test ended. In real time each step begins at its time on the
+    wall clock, with the shear that is there; in lockstep it begins when the shear of the step before arrives.
+    """
+
+    ROLE = NUMERICAL_SUBSTRUCTURE
+    SECTIONS = ("run", "ground_motion", "numerical_substructure")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
+        self._due = math.inf
+
+    def configure_stage(self, config: Config) -> None:
+        """Make stage and topics and read the ground motion."""
+        motion = select_ground_motion(config.ground_motion, config.run.time_step)
+        self._ground = motion.acceleration.tolist()
+        self._stage = make_numerical_substructure(config)
+        self._lockstep = config.run.lockstep
+        self._send_desired_acceleration = self.publish_to(DESIRED_ACCELERATION)
+        self._send_required_force = self.publish_to(REQUIRED_FORCE)
+        self._send_ground_acceleration = self.publish_to(GROUND_ACCELERATION)
+        self.subscribe_to(CORRECTED_FORCE, self._on_corrected_force)
+
+    def reset_stage(self) -> None:
+        """Return to rest before step 0."""
+        self._stage.reset()
+        self._deadlines = DeadlineMonitor(len(self._ground), self.config.run.max_consecutive_misses)
+        self._step = 0
+        self._feedback = 0.0
+        self._due = math.inf
+        self._outcome = ""
+        self._peers = {role for role in ROLES if role != self.ROLE and (role != RECORDER or self.config.run.record)}
+        self._ready_peers: set[str] = set()
+
+    def stop_stage(self) -> None:
+        """End a test that is under way."""
+        self._due = math.inf
+        if self.state == status.RUNNING:
+            self._end("stopped", "stopped by the operator")
+
+    def status_values(self) -> dict[str, str]:
+        """Tell progress, deadlines, and at the end the outcome."""
+        if not self.configured or self.state == status.INACTIVE:
+            return {}
+        timing = self._deadlines.statistics()
+        values = {
+            "step": str(self._step),
+            "steps": str(len(self._ground)),
+            "clock": "lockstep" if self._lockstep else "real time",
+            "missed_deadlines": str(timing.missed_deadlines),
+            "max_consecutive_misses": str(timing.max_consecutive_misses),
+            "late_ticks": str(timing.late_ticks),
+            **{f"closure_ms_{name}": repr(value) for name, value in timing.closure_ms.items()},
+            "outcome": self._outcome,
+            "waiting_for": ", ".join(sorted(self._peers - self._ready_peers)) if self._step == 0 else "",
+        }
+        if self._outcome:
+            values["missed_steps"] = json.dumps(timing.missed_steps)
+        return values
+
+    def poll(self, now: float) -> float:
+        """Begin the next step when it is time."""
+        if now >= self._due:
+            if self.state == status.READY:
+                self._start(now)
+            elif self._lockstep:
+                self._end("failed", f"step {self._step - 1} did not close within {LOCKSTEP_TIMEOUT:g} s")
+            else:
+                self._tick(now)
+        return min(super().poll(now), self._due)
+
+    def _start(self, now: float) -> None:
+        self.set_state(status.RUNNING)
+        self._due = now
+        self._begin_step()
+
+    def _tick(self, now: float) -> None:
+        if now - self._due > self.config.run.time_step:
+            # Steps are never run in a burst: each command is held for a full step, and the schedule moves.
+            self._deadlines.late_ticks += 1
+            self._due = now
+        missed_before = self._deadlines.missed_deadlines
+        self._deadlines.expired()
+        if self._deadlines.missed_deadlines > missed_before:
+            self.level, self.note = status.WARN, f"step {self._step - 1} missed its deadline"
+            self.publish_status()
+        if self._deadlines.exhausted:
+            misses = self.config.run.max_consecutive_misses
+            self._end("failed", f"more than {misses} deadlines in a row were missed, the last at step {self._step - 1}")
+        else:
+            self._begin_step()
+
+    def _begin_step(self) -> None:
+        step = self._step
+        if step == len(self._ground):
+            self._end("finished", "end of the ground motion")
+            return
+        ground_acceleration = self._ground[step]
+        response = self._stage.step(ground_acceleration, self._feedback)
+        now = time.perf_counter()
+        self._deadlines.opened(step, now)
+        self._step = step + 1
+        self._due = now + LOCKSTEP_TIMEOUT if self._lockstep else self._due + self.config.run.time_step
+        self._send_desired_acceleration(step, response.desired_acceleration)
+        self._send_required_force(step, response.required_force)
+        self._send_ground_acceleration(step, ground_acceleration)
+
+    def _on_corrected_force(self, step: int, force: float) -> None:
+        if self.state == status.RUNNING and self._deadlines.closed(step, time.perf_counter()):
+            self._feedback = force
+            if self._lockstep:
+                self._begin_step()
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for peer in status.from_message(message):
+            if peer.state == status.TRIPPED and self.state == status.RUNNING:
+                self._end(peer.values.get("outcome") or "failed", f"{peer.role}: {peer.message}")
+            if peer.state == status.READY:
+                self._ready_peers.add(peer.role)
+            else:
+                self._ready_peers.discard(peer.role)
+        if self.state == status.READY:
+            all_ready = self._peers <= self._ready_peers
+            if not all_ready:
+                self._due = math.inf
+            elif self._due == math.inf:
+                self._due = time.perf_counter() + START_DELAY
+
+    def _end(self, outcome: str, reason: str) -> None:
+        self._deadlines.expired()
+        self._due = math.inf
+        self._outcome = outcome
+        level = status.OK if outcome in ("finished", "stopped") else status.ERROR
+        self.set_state(status.ENDED, reason, level)
+
+
+def main() -> int:
+    """Run the node."""
+    return run_nodes([NumericalSubstructureNode])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

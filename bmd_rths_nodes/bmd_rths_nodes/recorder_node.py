@@ -1,0 +1,171 @@
+"""Recorder: every topic of a run into an MCAP bag."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
+
+from bmd_rths_core.config import SECTIONS, Config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.record import TimingStatistics, provenance
+from bmd_rths_msgs_py.bag_writer import BagWriter
+from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
+from bmd_rths_msgs_py.story import end_metadata, start_metadata
+from bmd_rths_msgs_py.topics import DIAGNOSTICS, NUMERICAL_SUBSTRUCTURE, RECORDER, TOPICS, Topic
+from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.spin import run_nodes
+from bmd_rths_nodes.ros.stage_node import StageNode
+from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.ros.versions import ros_versions
+
+#: The bag is closed when the test has ended and nothing more has come for this long [s].
+QUIET_PERIOD = 0.2
+
+
+class RecorderNode(StageNode):
+    """Node around `bmd_rths_msgs_py.bag_writer.BagWriter`.
+
+    The bag is opened, with the whole story of the test, when the node is activated, and closed when the numerical
+    substructure tells how the test ended. One activation records one test.
+    """
+
+    ROLE = RECORDER
+    SECTIONS = tuple(SECTIONS)
+
+    def configure_stage(self, config: Config) -> None:
+        """Subscribe to every topic."""
+        self._motion = select_ground_motion(config.ground_motion, config.run.time_step)
+        self._writer: BagWriter | None = None
+        self._bag = ""
+        for topic in TOPICS.values():
+            on_message = self._on_diagnostics if topic is DIAGNOSTICS else self._recorder_of(topic)
+            self.subscribe_raw(topic, on_message, qos.RECORDER)
+
+    def reset_stage(self) -> None:
+        """Open a new bag."""
+        start = provenance(self.config.as_mapping(), self._motion)
+        start["versions"] |= ros_versions()
+        directory = self._new_directory()
+        self._writer = BagWriter(
+            directory,
+            metadata=start_metadata(**start),
+            flush_period=self.config.recorder.flush_period,
+        )
+        self._bag = str(directory)
+        self._flush_due = 0.0
+        self._last_message = time.perf_counter()
+        self._messages = 0
+        self._end: NodeStatus | None = None
+
+    def stop_stage(self) -> None:
+        """Close the bag, whatever has come so far."""
+        if self.configured and self._writer is not None:
+            self._close("stopped", "the recorder was stopped before the test ended", None)
+
+    def wants_more_time(self) -> bool:
+        """Wait for the end of a test that is under way."""
+        return self.state == status.READY and self.steps > 0 and self._writer is not None
+
+    def status_values(self) -> dict[str, str]:
+        """Tell the bag and how many messages are in it."""
+        return {"bag": self._bag, "messages": str(self._messages)} if self._bag_was_opened() else {}
+
+    def poll(self, now: float) -> float:
+        """Flush the bag, and close it when the test has ended."""
+        if self._bag_was_opened() and self._writer is not None:
+            if now >= self._flush_due:
+                self._guarded(self._writer.flush)
+                self._flush_due = now + self.config.recorder.flush_period
+            if self._end is not None and now - self._last_message > QUIET_PERIOD:
+                self._close(self._end.values["outcome"], self._end.message, _timing(self._end))
+                self.set_state(status.ENDED, self._bag)
+            return min(super().poll(now), self._flush_due)
+        return super().poll(now)
+
+    def _bag_was_opened(self) -> bool:
+        return self.configured and bool(self._bag)
+
+    def _recorder_of(self, topic: Topic) -> Callable[[bytes], None]:
+        """Return the function that records the messages of a topic and counts those that did not come."""
+        name, type_name, time_step_ns = topic.full_name, topic.type_name, self.config.run.time_step_ns
+        expected = 0
+
+        def on_message(data: bytes) -> None:
+            nonlocal expected
+            if self._writer is None:
+                return
+            self._record(name, type_name, data)
+            self._last_message = time.perf_counter()
+            self.steps += 1
+            try:
+                step = read_stamp(data) // time_step_ns
+            except MalformedMessage:
+                self.malformed += 1
+                return
+            self.lost += max(0, step - expected)
+            expected = step + 1
+
+        return on_message
+
+    def _on_diagnostics(self, data: bytes) -> None:
+        if self._writer is None:
+            return
+        self._record(DIAGNOSTICS.full_name, DIAGNOSTICS.type_name, data)
+        for peer in status.from_message(deserialize_message(data, DiagnosticArray)):
+            if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state == status.ENDED and peer.values.get("outcome"):
+                self._end = peer
+
+    def _record(self, name: str, type_name: str, data: bytes) -> None:
+        now = time.time_ns()
+        writer = self._writer
+        if writer is not None and self._guarded(lambda: writer.write(name, type_name, data, now, now)):
+            self._messages += 1
+
+    def _guarded(self, action: Callable[[], None]) -> bool:
+        """Do something with the disk; when it fails, the test must not go on unrecorded."""
+        try:
+            action()
+        except OSError as error:
+            self._writer = None
+            self.set_state(status.TRIPPED, f"{self._bag}: cannot be written: {error.strerror}", status.ERROR)
+            return False
+        return True
+
+    def _close(self, outcome: str, reason: str, timing: TimingStatistics | None) -> None:
+        writer = self._writer
+        if writer is not None and self._guarded(lambda: writer.close(end_metadata(outcome, reason, timing))):
+            self.get_logger().info(f"{self._messages} messages in {self._bag}; {outcome}: {reason}")
+        self._writer = None
+
+    def _new_directory(self) -> Path:
+        name = f"{self._motion.name}_{self.config.run.scheme}_{datetime.now():%Y%m%d_%H%M%S}"
+        folder = Path(self.config.recorder.directory)
+        candidates = (folder / f"{name}{suffix}" for suffix in ("", *(f"_{i}" for i in range(2, 1000))))
+        return next(path for path in candidates if not path.exists())
+
+
+def _timing(end: NodeStatus) -> TimingStatistics:
+    values = end.values
+    return TimingStatistics(
+        missed_deadlines=int(values["missed_deadlines"]),
+        max_consecutive_misses=int(values["max_consecutive_misses"]),
+        missed_steps=tuple(json.loads(values["missed_steps"])),
+        late_ticks=int(values["late_ticks"]),
+        closure_ms={name: float(values[f"closure_ms_{name}"]) for name in ("p50", "p99", "max")},
+    )
+
+
+def main() -> int:
+    """Run the node."""
+    return run_nodes([RecorderNode])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The one place, besides the nodes themselves, that knows rclpy."""

@@ -1,0 +1,47 @@
+"""Quality of service of every topic, and why.
+
+Publishers offer *reliable* delivery and keep a history, because the recorder must not lose a message. The stages ask for
+*best effort* with depth one: for them only the newest value counts, and a lost one is a missed deadline, which is
+counted, and not a reason to wait. A reliable publisher serves both kinds of subscription.
+"""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+#: Offered by every publisher of the loop: half a second of messages at 200 Hz for the recorder to catch up.
+PUBLISHER = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+#: Asked for by the stages in real time: the newest value or none.
+STAGE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+#: Asked for by the stages in lockstep, where every message starts the next one and none may be lost.
+LOCKSTEP_STAGE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+#: Asked for by the recorder: five seconds of messages at 200 Hz.
+RECORDER = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+DIAGNOSTICS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)

@@ -1,0 +1,114 @@
+"""Run nodes until a signal: the one loop that waits for messages and for the next tick."""
+
+from __future__ import annotations
+
+import gc
+import math
+import signal
+import sys
+import time
+from collections.abc import Sequence
+
+import rclpy
+from rclpy.exceptions import ROSInterruptException
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.ros.stage_node import StageNode
+
+#: A wait in the middleware ends up to this late [s]; the rest is waited for by looking at the clock.
+WAKE_UP_MARGIN = 0.0003
+
+#: Longest wait in the middleware [s], because signals are seen only between two waits.
+LONGEST_WAIT = 0.05
+
+#: Longest time the nodes are given to hear how a test ended after a signal [s].
+LONGEST_FAREWELL = 2.0
+
+
+def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | None = None) -> int:
+    """Run nodes in this process until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    node_types : sequence of type
+        The nodes; they share one executor.
+    arguments : sequence of str, optional
+        Command line with ``--ros-args``; that of the process by default.
+
+    Returns
+    -------
+    int
+        Exit status: 0 after a signal, 2 when parameters or inputs are wrong.
+    """
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: signals.append(received))
+    try:
+        rclpy.init(
+            args=list(arguments) if arguments is not None else None, signal_handler_options=SignalHandlerOptions.NO
+        )
+    except (rclpy_implementation.RCLError, ROSInterruptException) as error:
+        return _refuse(str(error))
+    nodes: list[StageNode] = []
+    try:
+        executor = EventsExecutor()
+        for node_type in node_types:
+            nodes.append(node_type())
+            executor.add_node(nodes[-1])
+        for node in nodes:
+            problem = _autostart(node)
+            if problem:
+                return _refuse(problem)
+        # What lives now lives to the end; the collector need not look at it during a step.
+        gc.collect()
+        gc.freeze()
+        _spin(executor, nodes, signals)
+        return 0
+    except InputError as error:
+        return _refuse(str(error))
+    finally:
+        for node in nodes:
+            node.say_farewell()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signals: list[int]) -> None:
+    clock = time.perf_counter
+    give_up = math.inf
+    while True:
+        now = clock()
+        if signals:
+            give_up = min(give_up, now + LONGEST_FAREWELL)
+            if now >= give_up or not any(node.wants_more_time() for node in nodes):
+                return
+        due = min(node.poll(now) for node in nodes)
+        wait = due - clock()
+        if wait > WAKE_UP_MARGIN:
+            try:
+                executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
+            except rclpy_implementation.RCLError as error:
+                # A lifecycle transition that is not possible in the present state ends up here; the node stays as it is.
+                nodes[0].get_logger().error(f"request refused: {error}")
+        else:
+            while clock() < due:
+                pass
+
+
+def _autostart(node: StageNode) -> str:
+    """Configure and activate a node if it wants that, and return what went wrong."""
+    if not node.get_parameter("autostart").value:
+        return ""
+    for transition in (node.trigger_configure, node.trigger_activate):
+        if transition() != TransitionCallbackReturn.SUCCESS:
+            return node.problem or f"{node.ROLE} could not be started"
+    return ""
+
+
+def _refuse(problem: str) -> int:
+    print(f"error: {' '.join(problem.split())}", file=sys.stderr, flush=True)
+    return 2

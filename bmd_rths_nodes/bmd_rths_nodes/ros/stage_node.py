@@ -1,0 +1,274 @@
+"""What every node of a run has in common: parameters, lifecycle, topics, order of the steps, status."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, ClassVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.duration import Duration
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec
+from bmd_rths_msgs_py.topics import MEASUREMENT, NAMESPACE, RECORDER, Topic
+from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration
+from bmd_rths_nodes.ros.status import NodeStatus
+
+#: How often a node tells its status [s]: before its first step, and afterwards.
+PREPARATION_PERIOD = 0.1
+STATUS_PERIOD = 1.0
+
+#: Longest wait for the last status to be acknowledged when the process ends [s].
+FAREWELL_TIMEOUT = 1.0
+
+#: States in which messages are looked at.
+_TAKING_PART = (status.WAITING, status.READY, status.RUNNING)
+
+
+class StageNode(LifecycleNode):
+    """A managed node around one stage: converts in, calls the stage, converts out, publishes.
+
+    Subclasses name their role and sections, make their stage and topics in `configure_stage`, and forget the past in
+    `reset_stage`. Everything is driven by the messages and by `poll`, which the spin loop calls; there are no timers.
+    """
+
+    ROLE: ClassVar[str]
+    SECTIONS: ClassVar[tuple[str, ...]]
+
+    def __init__(self) -> None:
+        super().__init__(self.ROLE, namespace=NAMESPACE)
+        self.config: Config = read_configuration(self)
+        declare_configuration(self, self.config, self.SECTIONS)
+        self.declare_parameter(
+            "autostart", True, ParameterDescriptor(description="Configure and activate the node when it starts")
+        )
+        self.add_on_set_parameters_callback(self._on_set_parameters)
+        self.problem = ""
+        self.state = status.INACTIVE
+        self.level = status.OK
+        self.note = ""
+        self.configured = False
+        self._publishers_of: list[tuple[Topic, Publisher]] = []
+        self._subscriptions_of: list[Subscription] = []
+        self._status_due = 0.0
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
+        self._forget_counts()
+
+    # ---- for subclasses
+
+    def configure_stage(self, config: Config) -> None:
+        """Make stage, publishers and subscriptions; may raise InputError."""
+        raise NotImplementedError(f"{type(self).__name__} must make its stage")
+
+    def reset_stage(self) -> None:
+        """Return the stage to rest, before step 0."""
+
+    def stop_stage(self) -> None:
+        """Leave everything safe; called when the node is deactivated or its process ends."""
+
+    def status_values(self) -> dict[str, str]:
+        """Return what this node tells besides its state."""
+        return {}
+
+    def wants_more_time(self) -> bool:
+        """Tell whether the node still has to hear something before its process may end."""
+        return False
+
+    def publish_to(self, topic: Topic) -> Callable[[int, Any], None]:
+        """Create the publisher of a topic and return a function that sends the value of a step."""
+        publisher = self.create_publisher(message_class(topic), topic.name, qos.PUBLISHER)
+        self._publishers_of.append((topic, publisher))
+        publish, pack = publisher.publish, codec_of(topic, self.config).pack
+        time_step_ns = self.config.run.time_step_ns
+
+        def send(step: int, value: Any) -> None:
+            publish(pack(step * time_step_ns, value))
+
+        return send
+
+    def subscribe_to(self, topic: Topic, step: Callable[[int, Any], None]) -> None:
+        """Subscribe a stage to a topic; `step` gets step index and value, in the order of the steps.
+
+        Messages that are malformed, repeated or older than the last one are counted and dropped; skipped steps are
+        counted as lost. Step 0 after a later one begins a new test.
+        """
+        time_step_ns = self.config.run.time_step_ns
+        unpack = codec_of(topic, self.config).unpack
+        expected = 0
+
+        def on_message(data: bytes) -> None:
+            nonlocal expected
+            if self.state not in _TAKING_PART:
+                return
+            try:
+                stamp, value = unpack(data)
+            except MalformedMessage as error:
+                self._count_malformed(topic, str(error))
+                return
+            index, remainder = divmod(stamp, time_step_ns)
+            if remainder:
+                self._count_malformed(topic, f"stamp {stamp} ns is not a multiple of {time_step_ns} ns")
+                return
+            if index == 0 and expected != 0:
+                self.reset_stage()
+            elif index < expected:
+                self.out_of_order += 1
+                return
+            elif index > expected:
+                self.lost += index - expected
+            expected = index + 1
+            self.steps += 1
+            step(index, value)
+
+        self.subscribe_raw(topic, on_message, qos.LOCKSTEP_STAGE if self.config.run.lockstep else qos.STAGE)
+
+    def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
+        """Subscribe to the bytes of a topic."""
+        subscription = self.create_subscription(message_class(topic), topic.name, on_message, profile, raw=True)
+        self._subscriptions_of.append(subscription)
+
+    def set_state(self, state: str, note: str = "", level: bytes = status.OK) -> None:
+        """Change the state and tell it at once."""
+        self.state, self.note, self.level = state, note, level
+        self.publish_status()
+
+    # ---- for the spin loop
+
+    def poll(self, now: float) -> float:
+        """Do what is due.
+
+        Parameters
+        ----------
+        now : float
+            Time of `time.perf_counter` [s].
+
+        Returns
+        -------
+        float
+            When to call again at the latest.
+        """
+        if now >= self._status_due:
+            idle = self.steps == self._steps_told
+            if idle and self.state in (status.WAITING, status.READY):
+                self.state = status.READY if self._matched() else status.WAITING
+            self._steps_told = self.steps
+            self.publish_status()
+        return self._status_due
+
+    def publish_status(self) -> None:
+        """Tell the status now."""
+        prepares = self.steps == 0 and self.state in (status.WAITING, status.READY)
+        self._status_due = time.perf_counter() + (PREPARATION_PERIOD if prepares else STATUS_PERIOD)
+        seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
+        values = {
+            **self.status_values(),
+            "lost": str(self.lost),
+            "out_of_order": str(self.out_of_order),
+            "malformed": str(self.malformed),
+        }
+        own = NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
+        self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
+
+    def say_farewell(self) -> None:
+        """Leave everything safe and see that the last status arrives."""
+        self.stop_stage()
+        self._diagnostics.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
+
+    # ---- lifecycle
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make stage and topics from the parameters."""
+        try:
+            self.configure_stage(self.config)
+        except InputError as error:
+            self.problem = str(error)
+            self.get_logger().error(self.problem)
+            self._destroy_topics()
+            return TransitionCallbackReturn.FAILURE
+        self.configured = True
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Return to rest and look for the peers."""
+        self._forget_counts()
+        try:
+            self.reset_stage()
+        except InputError as error:
+            self.problem = str(error)
+            self.get_logger().error(self.problem)
+            return TransitionCallbackReturn.FAILURE
+        self.set_state(status.WAITING)
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop taking part."""
+        self.stop_stage()
+        self.set_state(status.INACTIVE)
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Give up stage and topics, so that the parameters can be changed."""
+        self._destroy_topics()
+        self.configured = False
+        return super().on_cleanup(state)
+
+    # ---- details
+
+    def _forget_counts(self) -> None:
+        self.steps = self._steps_told = 0
+        self.malformed = self.out_of_order = self.lost = 0
+
+    def _matched(self) -> bool:
+        """Tell whether both ends of every connection of this node that the loop needs have found each other."""
+        for topic, publisher in self._publishers_of:
+            readers = self.get_subscriptions_info_by_topic(publisher.topic_name)
+            needed = {role for role in topic.consumers if role != RECORDER or self.config.run.record}
+            if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
+                return False
+        return all(subscription.get_publisher_count() > 0 for subscription in self._subscriptions_of)
+
+    def _count_malformed(self, topic: Topic, problem: str) -> None:
+        self.malformed += 1
+        if self.malformed == 1:
+            self.get_logger().warning(f"{topic.name}: message dropped: {problem}; further ones are only counted")
+
+    def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        if self.configured:
+            reason = f"{self.ROLE} is configured; parameters can be changed after the cleanup transition"
+            return SetParametersResult(successful=False, reason=reason)
+        try:
+            self.config = changed_configuration(self.config, parameters)
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _destroy_topics(self) -> None:
+        for _, publisher in self._publishers_of:
+            self.destroy_publisher(publisher)
+        for subscription in self._subscriptions_of:
+            self.destroy_subscription(subscription)
+        self._publishers_of.clear()
+        self._subscriptions_of.clear()
+
+
+def message_class(topic: Topic) -> type:
+    """Return the ROS message class of a topic."""
+    package, _, name = topic.type_name.split("/")
+    return getattr(import_module(f"{package}.msg"), name)  # type: ignore[no-any-return]
+
+
+def codec_of(topic: Topic, config: Config) -> Any:
+    """Return the codec of a topic of the loop."""
+    if topic is MEASUREMENT:
+        return MeasurementCodec(len(config.specimen.masses), config.run.time_step_ns, topic.frame_id)
+    return ScalarCodec(topic.frame_id)

@@ -1,0 +1,101 @@
+"""Status of a node, as it travels on /diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+HARDWARE_ID = "bmd_rths"
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+#: States of a node, in the order it goes through them.
+INACTIVE = "inactive"  # configured or not, but not taking part
+WAITING = "waiting"  # active, but not yet matched with all its peers
+READY = "ready"  # matched; the numerical substructure starts when all are
+RUNNING = "running"  # a test is under way
+ENDED = "ended"  # the test is over, for the recorder: the bag is closed
+TRIPPED = "tripped"  # stopped itself; nothing moves until it is activated again
+
+
+@dataclass(frozen=True)
+class NodeStatus:
+    """What a node says of itself.
+
+    Parameters
+    ----------
+    node : str
+        Fully qualified node name.
+    state : str
+        One of the states above.
+    level : bytes
+        `OK`, `WARN` or `ERROR`.
+    message : str
+        One line for a person.
+    values : Mapping of str to str
+        Everything else.
+    """
+
+    node: str
+    state: str
+    level: bytes = OK
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def role(self) -> str:
+        """Role of the node: its name without namespace."""
+        return self.node.rpartition("/")[2]
+
+
+def to_message(status: NodeStatus, seconds: int, nanoseconds: int) -> DiagnosticArray:
+    """Return a status as a diagnostics message.
+
+    Parameters
+    ----------
+    status : NodeStatus
+        What to say.
+    seconds, nanoseconds : int
+        Wall time of ``header.stamp``.
+
+    Returns
+    -------
+    DiagnosticArray
+        With one entry.
+    """
+    message = DiagnosticArray()
+    message.header.stamp.sec = seconds
+    message.header.stamp.nanosec = nanoseconds
+    values = {"state": status.state, **status.values}
+    message.status = [
+        DiagnosticStatus(
+            level=status.level,
+            name=status.node,
+            message=status.message or status.state,
+            hardware_id=HARDWARE_ID,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+    ]
+    return message
+
+
+def from_message(message: DiagnosticArray) -> list[NodeStatus]:
+    """Return the statuses of this project in a diagnostics message; those of others are left out.
+
+    Parameters
+    ----------
+    message : DiagnosticArray
+        Any diagnostics message.
+
+    Returns
+    -------
+    list of NodeStatus
+    """
+    found = []
+    for entry in message.status:
+        values = {pair.key: pair.value for pair in entry.values}
+        if entry.hardware_id == HARDWARE_ID and "state" in values:
+            found.append(NodeStatus(entry.name, values.pop("state"), entry.level, entry.message, values))
+    return found

@@ -1,0 +1,12 @@
+"""What all tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def ground_motion_folder() -> Path:
+    """Return where the real records are: they belong to their agencies and are no part of this repository."""
+    beside_the_repository = Path(__file__).resolve().parents[2] / "shared" / "ground_motions"
+    return Path(os.environ.get("BMD_RTHS_GROUND_MOTIONS", beside_the_repository))

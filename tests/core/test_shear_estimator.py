@@ -1,0 +1,90 @@
+"""Kalman shear estimator: steady-state gain proven equal to the full filter, accuracy, noise, load cells."""
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.shear_estimator import ShearEstimator, ShearEstimatorConfig, kalman_filter
+from bmd_rths_core.table.controller import TableCommand
+from bmd_rths_core.table.simulated import SimulatedTable, SimulatedTableConfig
+
+DT = 0.005
+SPECIMEN = Config().specimen.building()
+EIGHT_STORY = (
+    Config()
+    .changed(
+        specimen__masses=[760.0, 800.0, 800.0, 800.0, 800.0],
+        specimen__stiffnesses=[2495320.0, *[4941700.0] * 4],
+        specimen__damping_coefficients=[3330.0, *[78.0] * 4],
+    )
+    .specimen.building()
+)
+
+
+def measurements(specimen, table_config, commands, seed=0):
+    table = SimulatedTable(table_config, specimen, DT, seed)
+    return [table.exchange(TableCommand(k, a)) for k, a in enumerate(commands)]
+
+
+def smooth_commands(n):
+    time = np.arange(n) * DT
+    return np.sin(2 * np.pi * 2.3 * time) + 0.5 * np.sin(2 * np.pi * 5.5 * time)
+
+
+@pytest.mark.parametrize("specimen", [SPECIMEN, EIGHT_STORY], ids=["simplified", "eight-story"])
+def test_steady_state_gain_is_the_one_the_full_filter_converges_to(specimen):
+    kalman, _ = kalman_filter(ShearEstimatorConfig(), specimen, DT)
+    gain, covariance = kalman.K.copy(), kalman.P.copy()
+    kalman.P = np.eye(2 * specimen.stories)
+    for _ in range(5000):
+        kalman.predict(np.zeros(2), np.zeros((2 * specimen.stories, 2)))
+        kalman.update(np.zeros(specimen.stories))
+    assert pytest.approx(gain, rel=1e-6, abs=1e-9 * np.abs(gain).max()) == kalman.K
+    assert pytest.approx(covariance, rel=1e-6, abs=1e-9 * np.abs(covariance).max()) == kalman.P
+
+
+def test_estimates_equal_those_of_the_full_filter():
+    readings = measurements(SPECIMEN, SimulatedTableConfig(), smooth_commands(400))
+    config = ShearEstimatorConfig()
+    estimator = ShearEstimator(config, SPECIMEN, DT)
+    ours = np.array([estimator.step(m) for m in readings])
+    full, input_matrix = kalman_filter(config, SPECIMEN, DT)  # starts with the steady-state covariance
+    before, theirs = 0.0, []
+    for m in readings:
+        full.predict(np.array([before, m.table_acceleration]), input_matrix)
+        full.update(m.floor_accelerations)
+        before = m.table_acceleration
+        theirs.append(-np.asarray(SPECIMEN.masses) @ full.H @ full.x)
+    assert ours == pytest.approx(np.array(theirs), rel=1e-9, abs=1e-6)
+
+
+def test_estimate_is_much_nearer_to_the_true_shear_than_the_raw_sensors():
+    noisy = measurements(SPECIMEN, SimulatedTableConfig(shear_noise=0.0), smooth_commands(4000))
+    true_shear = np.array([m.base_shear for m in noisy])
+    raw = np.array([-np.asarray(SPECIMEN.masses) @ m.floor_accelerations for m in noisy])
+    estimator = ShearEstimator(ShearEstimatorConfig(), SPECIMEN, DT)
+    estimate = np.array([estimator.step(m) for m in noisy])
+    assert np.std(estimate - true_shear) < 0.5 * np.std(raw - true_shear)
+
+
+def test_estimate_without_noise_is_the_true_shear_up_to_the_hold_of_the_input():
+    quiet = SimulatedTableConfig(acceleration_noise=0.0, shear_noise=0.0)
+    readings = measurements(SPECIMEN, quiet, smooth_commands(2000))
+    true_shear = np.array([m.base_shear for m in readings])
+    estimator = ShearEstimator(ShearEstimatorConfig(), SPECIMEN, DT)
+    estimate = np.array([estimator.step(m) for m in readings])
+    assert np.std(estimate - true_shear) < 0.01 * np.std(true_shear)
+
+
+def test_reset_returns_to_rest():
+    readings = measurements(SPECIMEN, SimulatedTableConfig(), smooth_commands(50))
+    estimator = ShearEstimator(ShearEstimatorConfig(), SPECIMEN, DT)
+    first = [estimator.step(m) for m in readings]
+    estimator.reset()
+    assert [estimator.step(m) for m in readings] == first
+
+
+def test_load_cell_path_gives_the_load_cells():
+    readings = measurements(SPECIMEN, SimulatedTableConfig(), smooth_commands(20))
+    estimator = ShearEstimator(ShearEstimatorConfig(source="load_cell"), SPECIMEN, DT)
+    assert [estimator.step(m) for m in readings] == [m.base_shear for m in readings]

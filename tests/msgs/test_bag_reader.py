@@ -1,0 +1,385 @@
+"""`read_bag` gives back what was recorded, and the part of it that is left of a damaged bag."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.record import RunRecord
+from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.bag_reader import MAX_STEPS, read_bag
+from bmd_rths_msgs_py.bag_writer import BagWriter
+from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
+from bmd_rths_msgs_py.record_bag import write_record
+from bmd_rths_msgs_py.story import end_metadata, start_metadata
+from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT
+
+Same = Callable[[RunRecord, RunRecord], bool]
+Make = Callable[..., RunRecord]
+STEP_NS = 5_000_000
+CONFIGURATION = {"run": {"time_step": 0.005}}
+FINISHED = end_metadata("finished", "", None)
+
+
+def bag_of(directory: Path, messages: list[tuple[Any, bytes]], end: dict[str, str] = FINISHED) -> Path:
+    """Write a bag of messages as they are."""
+    writer = BagWriter(directory, metadata=start_metadata(CONFIGURATION, {}, {}))
+    for topic, data in messages:
+        writer.write(topic.full_name, topic.type_name, data, 0, 0)
+    writer.close(end)
+    return directory
+
+
+def command(step: int, value: float) -> tuple[Any, bytes]:
+    return COMMAND, ScalarCodec().pack(step * STEP_NS, value)
+
+
+def custom_data(bag: Path) -> dict[str, str]:
+    """Return the custom data of ``metadata.yaml``."""
+    return yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]["custom_data"]
+
+
+def measurement(floors: int) -> TableMeasurement:
+    return TableMeasurement(0, 1.0, 2.0, 3.0, 4.0, 5.0, np.zeros(floors))
+
+
+def assert_prefix(found: RunRecord, whole: RunRecord) -> None:
+    """Every signal is the beginning of the recorded one: some of its first values, then NaN."""
+    assert found.steps <= whole.steps
+    for name, values in found.signals().items():
+        recorded = getattr(whole, name)
+        if values.ndim == 2 and values.shape[1] == 0:  # no measurement is left
+            continue
+        missing = np.isnan(values).any(axis=tuple(range(1, values.ndim)))
+        count = int(np.sum(~missing))
+        assert missing[count:].all()
+        assert np.array_equal(values[:count], recorded[:count])
+
+
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=30,
+    deadline=None,
+    phases=[Phase.explicit, Phase.reuse, Phase.generate],  # every example writes a bag: shrinking takes minutes
+)
+@given(data=st.data(), steps=st.integers(1, 12), floors=st.integers(1, 4))
+def test_round_trip(make_record: Make, same: Same, tmp_path: Path, data: Any, steps: int, floors: int) -> None:
+    record = make_record(steps, floors)
+    signals = {name: data.draw(arrays(np.float64, values.shape), name) for name, values in record.signals().items()}
+    record = replace(record, **signals)
+    shutil.rmtree(tmp_path / "run", ignore_errors=True)
+    found = read_bag(write_record(record, tmp_path / "run"))
+    assert same(found, record)
+    for name, values in record.signals().items():
+        negative_zeros = np.signbit(values) & (values == 0)
+        assert np.array_equal(np.signbit(getattr(found, name)) & (values == 0), negative_zeros)
+
+
+def test_a_bag_names_its_source(bag: Path, record: RunRecord, same: Same) -> None:
+    assert read_bag(bag).source == str(bag)
+    assert same(read_bag(bag), record)
+    assert same(read_bag(str(bag / "run_0.mcap")), record)
+
+
+def test_a_record_that_contradicts_its_configuration_is_not_written(record: RunRecord, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"run\.time_step"):
+        write_record(replace(record, time_step=0.01), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_missing_messages_are_nan_and_the_last_duplicate_wins(tmp_path: Path) -> None:
+    measured = MEASUREMENT, MeasurementCodec(2, STEP_NS).pack(STEP_NS, measurement(2))
+    messages = [command(3, 30.0), command(1, 10.0), command(3, 31.0), measured]
+    found = read_bag(bag_of(tmp_path / "run", messages))
+    assert found.steps == 4
+    assert np.array_equal(found.command, [np.nan, 10.0, np.nan, 31.0], equal_nan=True)
+    assert np.isnan(found.interface_force).all()
+    assert np.array_equal(found.base_shear, [np.nan, 5.0, np.nan, np.nan], equal_nan=True)
+    assert found.floor_accelerations.shape == (4, 2)
+    assert (found.outcome, found.reason, found.timing) == ("finished", "", None)
+
+
+def test_malformed_messages_are_left_out_and_counted(tmp_path: Path) -> None:
+    right, wrong = MeasurementCodec(3, STEP_NS), MeasurementCodec(2, STEP_NS)
+    messages = [
+        (COMMAND, b"\x00\x01"),
+        command(0, 1.0),
+        (COMMAND, ScalarCodec().pack(STEP_NS + 1, 2.0)),
+        (COMMAND, ScalarCodec().pack(MAX_STEPS * STEP_NS, 3.0)),  # a stray node with another clock
+        (MEASUREMENT, right.pack(0, measurement(3))[:-9]),
+        (MEASUREMENT, right.pack(0, measurement(3))),
+        (MEASUREMENT, wrong.pack(STEP_NS, measurement(2))),
+    ]
+    found = read_bag(bag_of(tmp_path / "run", messages))
+    assert found.steps == 1
+    assert found.command.tolist() == [1.0]
+    assert found.floor_accelerations.shape == (1, 3)
+    assert found.outcome == "finished"
+    assert found.reason.startswith("5 malformed messages were left out, the first of /rths/command: 2 bytes")
+
+
+def test_without_a_measurement_there_are_no_floors(tmp_path: Path) -> None:
+    cut = MeasurementCodec(3, STEP_NS).pack(0, measurement(3))[:-9]
+    found = read_bag(bag_of(tmp_path / "run", [command(0, 1.0), (MEASUREMENT, cut)]))
+    assert found.floor_accelerations.shape == (1, 0)
+    assert found.reason.startswith("1 malformed")
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE])
+def test_a_rewritten_copy_reads_equal(bag: Path, tmp_path: Path, same: Same, compression: CompressionType) -> None:
+    """Another tool compresses the chunks and puts the metadata in front."""
+    records = list(StreamReader(str(bag / "run_0.mcap")).records)
+    with (tmp_path / "copy.mcap").open("wb") as stream:
+        writer = Writer(stream, compression=compression)
+        writer.start("ros2")
+        unique = {(type(r).__name__, getattr(r, "id", r)): r for r in records if hasattr(r, "id")}
+        for (kind, _), r in unique.items():
+            if kind == "Schema":
+                assert writer.register_schema(r.name, r.encoding, r.data) == r.id
+        for (kind, _), r in unique.items():
+            if kind == "Channel":
+                assert writer.register_channel(r.topic, r.message_encoding, r.schema_id, r.metadata) == r.id
+        for r in records:
+            if type(r).__name__ == "Metadata":
+                writer.add_metadata(r.name, r.metadata)
+        for r in records:
+            if type(r).__name__ == "Message":
+                writer.add_message(r.channel_id, r.log_time, r.data, r.publish_time)
+        writer.finish()
+    assert same(read_bag(tmp_path / "copy.mcap"), read_bag(bag))
+
+
+def test_a_copy_of_rosbags_reads_equal(bag: Path, tmp_path: Path, same: Same, typestore: Any) -> None:
+    """rosbags, like `ros2 bag convert`, drops the records of the MCAP; the custom data of metadata.yaml stay."""
+    copy = RosbagsWriter(tmp_path / "copy", version=9, storage_plugin=StoragePlugin.MCAP)
+    copy.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with Reader(bag) as reader, copy:
+        for key, value in custom_data(bag).items():
+            copy.set_custom_data(key, value)
+        connections = {c.id: copy.add_connection(c.topic, c.msgtype, typestore=typestore) for c in reader.connections}
+        for connection, time, data in reader.messages():
+            copy.write(connections[connection.id], time, data)
+    assert same(read_bag(tmp_path / "copy"), read_bag(bag))
+
+
+def test_a_split_bag_is_read_whole(make_record: Make, tmp_path: Path) -> None:
+    record = make_record(30)
+    bag = write_record(record, tmp_path / "run")
+    for k in (10, 2):  # run_10 comes after run_2
+        bag_of(tmp_path / f"part_{k}", [command(5, float(k)), command(29 + k, float(k))])
+        shutil.copy(tmp_path / f"part_{k}" / f"part_{k}_0.mcap", bag / f"run_{k}.mcap")
+    found = read_bag(bag)
+    assert found.steps == 40
+    assert found.command[5] == 10.0
+    assert found.command[31] == 2.0
+    assert found.command[6] == record.command[6]
+
+
+def test_truncated_anywhere_a_bag_gives_its_beginning(bag: Path, record: RunRecord, tmp_path: Path) -> None:
+    data = (bag / "run_0.mcap").read_bytes()
+    rng = random.Random(2)
+    story_end = data.index(b'{"bmd_rths": "0.1.0"}') + len(b'{"bmd_rths": "0.1.0"}')  # the last words of the record
+    at_random = (rng.randrange(len(data)) for _ in range(200))
+    offsets = sorted({0, 1, 8, story_end - 1, story_end, len(data) - 1, *at_random})
+    cut = tmp_path / "cut.mcap"
+    steps = cuts = 0
+    for offset in offsets:
+        cut.write_bytes(data[:offset])
+        if offset < story_end:
+            with pytest.raises(InputError, match="cut before its first record"):
+                read_bag(cut)
+            continue
+        found = read_bag(cut)
+        assert_prefix(found, record)
+        assert found.steps >= steps, "a longer file cannot say less"
+        steps = found.steps
+        assert found.outcome in ("cut", "finished")
+        if found.outcome == "cut":
+            cuts += 1
+            assert found.reason.endswith(f"the recording is cut or damaged after {steps} steps ({steps * 0.005:.3f} s)")
+    assert cuts > 100
+    assert steps == record.steps
+
+
+def test_a_truncated_file_in_a_bag_has_its_story_in_metadata_yaml(bag: Path, record: RunRecord) -> None:
+    (bag / "run_0.mcap").write_bytes(b"")
+    found = read_bag(bag)
+    assert found.steps == 0
+    assert found.outcome == "cut"
+    assert found.configuration == record.configuration
+
+
+def test_a_damaged_byte_ends_the_reading_but_not_the_reader(bag: Path, record: RunRecord) -> None:
+    data = bytearray((bag / "run_0.mcap").read_bytes())
+    at = data.index(ScalarCodec("world").pack(100 * STEP_NS, record.command[100])) + 40
+    data[at] ^= 1
+    (bag / "run_0.mcap").write_bytes(data)
+    found = read_bag(bag)
+    assert_prefix(found, record)
+    assert 80 <= found.steps <= 101  # the chunk with the damage may begin in the middle of step 100
+    assert found.outcome == "cut"
+
+
+def test_no_damage_makes_the_reader_fail(bag: Path, record: RunRecord, tmp_path: Path) -> None:
+    data = (bag / "run_0.mcap").read_bytes()
+    rng = random.Random(3)
+    damaged = tmp_path / "damaged.mcap"
+    refused = read = 0
+    for _ in range(300):
+        copy = bytearray(data)
+        at = rng.randrange(1000 if rng.random() < 0.5 else len(data))
+        copy[at : at + 4] = rng.randbytes(4)
+        damaged.write_bytes(copy)
+        try:
+            found = read_bag(damaged)
+        except InputError:
+            refused += 1
+        else:
+            assert found.steps <= record.steps
+            read += 1
+    assert refused > 10
+    assert read > 10
+
+
+WRITE_UNTIL_KILLED = """
+import itertools, sys
+from pathlib import Path
+from bmd_rths_msgs_py.bag_writer import BagWriter
+from bmd_rths_msgs_py.cdr import ScalarCodec
+from bmd_rths_msgs_py.story import start_metadata
+from bmd_rths_msgs_py.topics import SCALAR_TOPICS
+
+metadata = start_metadata({"run": {"time_step": 0.005}}, {}, {})
+writer = BagWriter(Path(sys.argv[1]), metadata=metadata)
+codec = ScalarCodec("world")
+for step in itertools.count():
+    for topic in SCALAR_TOPICS:
+        log_time_ns = 1_700_000_000_000_000_000 + step * 5_000_000
+        writer.write(topic.full_name, topic.type_name, codec.pack(step * 5_000_000, float(step)), log_time_ns, 0)
+    print(step, flush=True)
+"""
+
+
+def test_after_sigkill_at_most_the_flush_period_is_lost(tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITE_UNTIL_KILLED, str(bag)], stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None
+        for _ in range(1993):
+            line = process.stdout.readline()
+        process.kill()
+        written = [int(line), *(int(rest) for rest in process.stdout.read().split("\n")[:-1])][-1]
+    assert written >= 1992
+    found = read_bag(bag)
+    assert found.outcome == "cut"
+    assert "cut or damaged" in found.reason
+    assert written - (found.steps - 1) <= 20  # 0.1 s
+    assert found.command[: found.steps - 1].tolist() == list(range(found.steps - 1))
+
+
+def test_a_whole_bag_without_an_end_is_cut(tmp_path: Path) -> None:
+    with (tmp_path / "recovered.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        writer.add_metadata("bmd_rths", start_metadata(CONFIGURATION, {}, {}))
+        writer.finish()
+    found = read_bag(tmp_path / "recovered.mcap")
+    assert (found.outcome, found.reason) == ("cut", "the recording has no end; it holds 0 steps (0.000 s)")
+
+
+@pytest.mark.parametrize("outcome", ["stopped", "limit", "failed"])
+def test_how_a_run_ended_is_read(tmp_path: Path, outcome: str) -> None:
+    found = read_bag(bag_of(tmp_path / "run", [command(0, 1.0)], end_metadata(outcome, "by hand", None)))
+    assert (found.outcome, found.reason, found.timing) == (outcome, "by hand", None)
+
+
+@pytest.mark.parametrize(
+    ("end", "problem"),
+    [
+        ({"outcome": "well"}, "outcome 'well' is unknown"),
+        ({"outcome": "finished", "timing": "{"}, "timing: not JSON"),
+        ({"outcome": "finished", "timing": "{}"}, "timing: KeyError"),
+        ({"outcome": "finished", "timing": "[]"}, "timing: .* is not a JSON object"),
+    ],
+)
+def test_an_unreadable_end_is_refused(tmp_path: Path, end: dict[str, str], problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        read_bag(bag_of(tmp_path / "run", [], end))
+
+
+@pytest.mark.parametrize(
+    ("configuration", "problem"),
+    [
+        ("", "configuration: not JSON"),
+        ("[1]", "not a JSON object"),
+        ("{}", "run.time_step is missing"),
+        ('{"run": 3}', "run.time_step is missing"),
+        ('{"run": {"time_step": "fast"}}', "run.time_step: 'fast' is not a number"),
+        ('{"run": {"time_step": -1.0}}', "run.time_step: -1"),
+    ],
+)
+def test_an_unreadable_story_is_refused(tmp_path: Path, configuration: str, problem: str) -> None:
+    BagWriter(tmp_path / "run", metadata={"configuration": configuration}).close(FINISHED)
+    with pytest.raises(InputError, match=problem) as caught:
+        read_bag(tmp_path / "run")
+    assert str(caught.value).startswith(f"{tmp_path / 'run'}: ")
+
+
+def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.mcap").write_text("not a bag\n" * 100)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "metadata.yaml").write_text("a: [")
+    with (tmp_path / "foreign" / "foreign_0.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        writer.finish()
+    problems = {
+        "missing": "No such file",
+        "missing/file.mcap": "No such file",
+        "text.mcap": "not a bag of bmd_rths",
+        "empty": "no .mcap file",
+        "foreign": "not a bag of bmd_rths",
+    }
+    for name, problem in problems.items():
+        with pytest.raises(InputError, match=problem) as caught:
+            read_bag(tmp_path / name)
+        assert str(caught.value).startswith(f"{tmp_path / name}: ")
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("yaml_text", ["a: [", "a: 1", "[]", "rosbag2_bagfile_information: {custom_data: null}"])
+def test_a_foreign_metadata_yaml_does_no_harm(tmp_path: Path, yaml_text: str) -> None:
+    (tmp_path / "metadata.yaml").write_text(yaml_text)
+    (tmp_path / "bag_0.mcap").write_bytes(b"")
+    with pytest.raises(InputError, match="not a bag of bmd_rths"):
+        read_bag(tmp_path)
+
+
+def test_the_story_is_json_that_anyone_can_read(bag: Path, record: RunRecord) -> None:
+    custom = custom_data(bag)
+    assert json.loads(custom["configuration"]) == record.configuration
+    assert json.loads(custom["motion"]) == record.motion
+    assert json.loads(custom["timing"])["missed_steps"] == [5, 17]
