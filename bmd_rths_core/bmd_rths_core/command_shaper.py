@@ -30,8 +30,8 @@ class CommandShaperConfig:
         check_parameters(self)
         if not stable_weights(self.w1, self.w2):
             raise InputError(
-                f"command_shaper.w1, command_shaper.w2: W1 = {self.w1:g}, W2 = {self.w2:g} put a pole of the phase-lead "
-                "compensator on or outside the unit circle; |W1| > 1 and |W2| < |W1 + 1| are required"
+                f"command_shaper.w1, command_shaper.w2: W1 = {self.w1:g}, W2 = {self.w2:g} put a pole of the phase-lead"
+                " compensator on or outside the unit circle; |W1| > 1 and |W2| < |W1 + 1| are required"
             )
 
 

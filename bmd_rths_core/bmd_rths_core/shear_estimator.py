@@ -130,7 +130,7 @@ def kalman_filter(
     Process noise is the noise of the table accelerometer, entering through the input, plus the unmodelled floor
     accelerations, held over the step.
     """
-    # filterpy brings scipy.stats, a second that the other nodes, which share this module's configuration, need not wait.
+    # filterpy brings scipy.stats, a second that the nodes without a filter need not wait.
     from filterpy.kalman import KalmanFilter
 
     a, base_input, floors = specimen.relative_motion()

@@ -32,6 +32,9 @@ LOCKSTEP_TIMEOUT = 5.0
 #: Time between the moment all nodes are ready and step 0 [s].
 START_DELAY = 0.05
 
+#: Shortest time between two reports of missed deadlines [s].
+MISS_REPORT_PERIOD = 0.1
+
 
 class NumericalSubstructureNode(StageNode):
     """Node around `bmd_rths_core.numerical_substructure.NumericalSubstructure`.
@@ -122,7 +125,8 @@ class NumericalSubstructureNode(StageNode):
         self._deadlines.expired()
         if self._deadlines.missed_deadlines > missed_before:
             self.level, self.note = status.WARN, f"step {self._step - 1} missed its deadline"
-            self.publish_status()
+            # Told soon, but not more often than this: telling takes time that the loop lacks just now.
+            self.status_due_within(MISS_REPORT_PERIOD)
         if self._deadlines.exhausted:
             misses = self.config.run.max_consecutive_misses
             self._end("failed", f"more than {misses} deadlines in a row were missed, the last at step {self._step - 1}")
@@ -171,6 +175,11 @@ class NumericalSubstructureNode(StageNode):
         self._outcome = outcome
         level = status.OK if outcome in ("finished", "stopped") else status.ERROR
         self.set_state(status.ENDED, reason, level)
+        timing = self._deadlines.statistics()
+        closure = ", ".join(f"{name} {value:.2f}" for name, value in timing.closure_ms.items())
+        self.get_logger().info(
+            f"{outcome}: {reason}; {self._step} steps, {timing.missed_deadlines} missed deadlines, closure [ms] {closure}"
+        )
 
 
 def main() -> int:

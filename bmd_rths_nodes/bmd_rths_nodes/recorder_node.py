@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -27,6 +28,9 @@ from bmd_rths_nodes.ros.versions import ros_versions
 
 #: The bag is closed when the test has ended and nothing more has come for this long [s].
 QUIET_PERIOD = 0.2
+
+#: Added to the niceness of the recorder's process.
+NICENESS = 5
 
 
 class RecorderNode(StageNode):
@@ -163,7 +167,8 @@ def _timing(end: NodeStatus) -> TimingStatistics:
 
 
 def main() -> int:
-    """Run the node."""
+    """Run the node, behind the loop: it has a history to fall back on, the loop has a deadline."""
+    os.nice(NICENESS)
     return run_nodes([RecorderNode])
 
 

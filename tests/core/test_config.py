@@ -49,7 +49,8 @@ def test_section_names_are_the_field_names():
 @pytest.mark.parametrize("section", SECTIONS.values(), ids=SECTIONS)
 def test_every_parameter_is_described_and_every_number_has_a_unit(section):
     for name, spec in specs(section).items():
-        assert spec.description and not spec.description.endswith("."), name
+        assert spec.description, name
+        assert not spec.description.endswith("."), name
         default = getattr(section(), name)
         is_number = isinstance(default, (float, tuple)) or (isinstance(default, int) and not isinstance(default, bool))
         assert bool(spec.unit) == is_number, name
@@ -110,7 +111,7 @@ def test_files_that_are_no_parameter_files_are_refused(tmp_path, text, message):
 
 
 def test_missing_file_and_directory_are_refused(tmp_path):
-    with pytest.raises(InputError, match="none.yaml: cannot be read: No such file or directory"):
+    with pytest.raises(InputError, match=r"none\.yaml: cannot be read: No such file or directory"):
         load_config(tmp_path / "none.yaml")
     with pytest.raises(InputError, match="cannot be read: Is a directory"):
         load_config(tmp_path)

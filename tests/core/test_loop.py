@@ -71,7 +71,8 @@ def test_a_limit_ends_the_run_at_the_step_that_passed_it():
     assert not record.stable
     assert record.steps < 601
     assert abs(record.command[-1]) > 0.5 >= np.abs(record.command[:-1]).max()
-    assert np.isnan(record.table_acceleration[-1]) and np.isfinite(record.table_acceleration[:-1]).all()
+    assert np.isnan(record.table_acceleration[-1])
+    assert np.isfinite(record.table_acceleration[:-1]).all()
     assert f"safety.acceleration_limit [m/s2] passed at step {record.steps - 1}" in record.reason
 
 
@@ -88,7 +89,7 @@ def test_unstable_loop_is_stopped_by_the_limit():
 
 
 def test_full_force_correction_gain_accumulates_noise_at_the_nyquist_frequency():
-    """The measurement behind decision 0003: gain 1 feeds back an alternating force that grows without any earthquake."""
+    """The measurement behind decision 0003: gain 1 feeds back an alternating force that grows without an earthquake."""
     rest = GroundMotion("rest", 0.005, np.zeros(8000), "test", "0" * 64)
 
     def alternating(gain):

@@ -1,7 +1,7 @@
 """Quality of service of every topic, and why.
 
-Publishers offer *reliable* delivery and keep a history, because the recorder must not lose a message. The stages ask for
-*best effort* with depth one: for them only the newest value counts, and a lost one is a missed deadline, which is
+Publishers offer *reliable* delivery and keep a history, because the recorder must not lose a message. The stages ask
+for *best effort* with depth one: for them only the newest value counts, and a lost one is a missed deadline, which is
 counted, and not a reason to wait. A reliable publisher serves both kinds of subscription.
 """
 

@@ -92,7 +92,7 @@ def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signal
             try:
                 executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
             except rclpy_implementation.RCLError as error:
-                # A lifecycle transition that is not possible in the present state ends up here; the node stays as it is.
+                # A lifecycle transition that is not possible in this state ends up here; the node stays as it is.
                 nodes[0].get_logger().error(f"request refused: {error}")
         else:
             while clock() < due:

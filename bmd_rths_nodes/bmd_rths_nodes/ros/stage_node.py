@@ -60,7 +60,7 @@ class StageNode(LifecycleNode):
         self.configured = False
         self._publishers_of: list[tuple[Topic, Publisher]] = []
         self._subscriptions_of: list[Subscription] = []
-        self._status_due = 0.0
+        self._status_told = self._status_due = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self._forget_counts()
 
@@ -142,6 +142,10 @@ class StageNode(LifecycleNode):
         self.state, self.note, self.level = state, note, level
         self.publish_status()
 
+    def status_due_within(self, seconds: float) -> None:
+        """Tell the status soon, that is `seconds` after it was last told."""
+        self._status_due = min(self._status_due, self._status_told + seconds)
+
     # ---- for the spin loop
 
     def poll(self, now: float) -> float:
@@ -168,7 +172,8 @@ class StageNode(LifecycleNode):
     def publish_status(self) -> None:
         """Tell the status now."""
         prepares = self.steps == 0 and self.state in (status.WAITING, status.READY)
-        self._status_due = time.perf_counter() + (PREPARATION_PERIOD if prepares else STATUS_PERIOD)
+        self._status_told = time.perf_counter()
+        self._status_due = self._status_told + (PREPARATION_PERIOD if prepares else STATUS_PERIOD)
         seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
         values = {
             **self.status_values(),
