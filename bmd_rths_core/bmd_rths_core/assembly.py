@@ -13,30 +13,66 @@ from bmd_rths_core.table.simulated import SimulatedTable
 
 
 def make_numerical_substructure(config: Config) -> NumericalSubstructure:
-    """Return the numerical substructure of a configuration."""
+    """Return the numerical substructure of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return NumericalSubstructure(config.numerical_substructure, config.run.time_step)
 
 
 def make_command_shaper(config: Config) -> CommandShaper:
-    """Return the command shaper of a configuration and its scheme."""
+    """Return the command shaper of a configuration and its scheme.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return CommandShaper(config.command_shaper, active=config.scheme.phase_lead)
 
 
 def make_command_limit(config: Config) -> CommandLimit:
-    """Return the limits in the path of the command."""
+    """Return the limits in the path of the command.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return CommandLimit(config.safety)
 
 
 def make_table_controller(config: Config) -> TableController:
-    """Return the table controller of a configuration."""
+    """Return the table controller of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return SimulatedTable(config.simulated_table, config.specimen.building(), config.run.time_step, config.run.seed)
 
 
 def make_shear_estimator(config: Config) -> ShearEstimator:
-    """Return the shear estimator of a configuration."""
+    """Return the shear estimator of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return ShearEstimator(config.shear_estimator, config.specimen.building(), config.run.time_step)
 
 
 def make_force_correction(config: Config) -> ForceCorrection:
-    """Return the force correction of a configuration and its scheme."""
+    """Return the force correction of a configuration and its scheme.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return ForceCorrection(config.force_correction, active=config.scheme.force_correction)

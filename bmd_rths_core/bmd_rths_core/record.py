@@ -143,7 +143,13 @@ class RunRecord:
         return {name: getattr(self, name) for name in SIGNALS}
 
     def same_signals(self, other: RunRecord) -> bool:
-        """Tell whether every signal equals that of another record bit for bit (a NaN equals a NaN)."""
+        """Tell whether every signal equals that of another record bit for bit (a NaN equals a NaN).
+
+        Parameters
+        ----------
+        other : RunRecord
+            The other record, of any length.
+        """
         mine, theirs = self.signals(), other.signals()
         return all(np.array_equal(mine[name], theirs[name], equal_nan=True) for name in mine)
 

@@ -177,9 +177,8 @@ class NumericalSubstructureNode(StageNode):
         self.set_state(status.ENDED, reason, level)
         timing = self._deadlines.statistics()
         closure = ", ".join(f"{name} {value:.2f}" for name, value in timing.closure_ms.items())
-        self.get_logger().info(
-            f"{outcome}: {reason}; {self._step} steps, {timing.missed_deadlines} missed deadlines, closure [ms] {closure}"
-        )
+        deadlines = f"{timing.missed_deadlines} of {self._step} deadlines missed"
+        self.get_logger().info(f"{outcome}: {reason}; {deadlines}, closure [ms] {closure}")
 
 
 def main() -> int:

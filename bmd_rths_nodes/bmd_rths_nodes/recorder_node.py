@@ -7,7 +7,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,6 +19,7 @@ from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
 from bmd_rths_msgs_py.story import end_metadata, start_metadata
 from bmd_rths_msgs_py.topics import DIAGNOSTICS, NUMERICAL_SUBSTRUCTURE, RECORDER, TOPICS, Topic
+from bmd_rths_nodes.naming import new_bag_directory
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
@@ -28,6 +28,10 @@ from bmd_rths_nodes.ros.versions import ros_versions
 
 #: The bag is closed when the test has ended and nothing more has come for this long [s].
 QUIET_PERIOD = 0.2
+
+#: A test that is under way but silent for this long has lost its numerical substructure [s]; longer than a step of
+#: lockstep may take.
+LONGEST_SILENCE = 6.0
 
 #: Added to the niceness of the recorder's process.
 NICENESS = 5
@@ -56,7 +60,7 @@ class RecorderNode(StageNode):
         """Open a new bag."""
         start = provenance(self.config.as_mapping(), self._motion)
         start["versions"] |= ros_versions()
-        directory = self._new_directory()
+        directory = new_bag_directory(Path(self.config.recorder.directory), self._motion.name, self.config.run.scheme)
         self._writer = BagWriter(
             directory,
             metadata=start_metadata(**start),
@@ -87,9 +91,11 @@ class RecorderNode(StageNode):
             if now >= self._flush_due:
                 self._guarded(self._writer.flush)
                 self._flush_due = now + self.config.recorder.flush_period
-            if self._end is not None and now - self._last_message > QUIET_PERIOD:
+            silence = now - self._last_message
+            if self._end is not None and silence > QUIET_PERIOD:
                 self._close(self._end.values["outcome"], self._end.message, _timing(self._end))
-                self.set_state(status.ENDED, self._bag)
+            elif self._end is None and self.steps > 0 and silence > LONGEST_SILENCE:
+                self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return min(super().poll(now), self._flush_due)
         return super().poll(now)
 
@@ -146,13 +152,8 @@ class RecorderNode(StageNode):
         writer = self._writer
         if writer is not None and self._guarded(lambda: writer.close(end_metadata(outcome, reason, timing))):
             self.get_logger().info(f"{self._messages} messages in {self._bag}; {outcome}: {reason}")
+            self.set_state(status.ENDED, self._bag)
         self._writer = None
-
-    def _new_directory(self) -> Path:
-        name = f"{self._motion.name}_{self.config.run.scheme}_{datetime.now():%Y%m%d_%H%M%S}"
-        folder = Path(self.config.recorder.directory)
-        candidates = (folder / f"{name}{suffix}" for suffix in ("", *(f"_{i}" for i in range(2, 1000))))
-        return next(path for path in candidates if not path.exists())
 
 
 def _timing(end: NodeStatus) -> TimingStatistics:

@@ -40,11 +40,26 @@ class TextFile:
     sha256: str
 
     def error(self, line_number: int, problem: str) -> InputError:
-        """Return an error that names this file and a line of it."""
+        """Return an error that names this file and a line of it.
+
+        Parameters
+        ----------
+        line_number : int
+            As an editor counts, from 1.
+        problem : str
+            What is wrong there.
+        """
         return InputError(f"{self.path}: line {line_number}: {problem}")
 
     def number(self, line_number: int, text: str) -> float:
         """Return the finite number written as `text`, also with a Fortran D exponent.
+
+        Parameters
+        ----------
+        line_number : int
+            Where it is written, for the message.
+        text : str
+            The number.
 
         Raises
         ------
@@ -106,6 +121,12 @@ def unit_factor(unit: str) -> float | None:
 
 
 def quoted(text: str) -> str:
-    """Return `text` in quotes, on one line and of a length fit for a message."""
+    """Return `text` in quotes, on one line and of a length fit for a message.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+    """
     text = text.strip()
     return repr(text if len(text) <= 60 else text[:60] + "...")

@@ -68,6 +68,11 @@ class TableController(Protocol):
 
         A command whose step index is more than one ahead of the last one means that commands were lost: the table has
         held the last command in between.
+
+        Parameters
+        ----------
+        command : TableCommand
+            Step index and acceleration command.
         """
 
     def stop(self) -> None:

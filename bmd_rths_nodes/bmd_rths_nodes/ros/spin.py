@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import os
 import signal
 import sys
 import time
@@ -24,6 +25,9 @@ WAKE_UP_MARGIN = 0.0003
 
 #: Longest wait in the middleware [s], because signals are seen only between two waits.
 LONGEST_WAIT = 0.05
+
+#: Environment variable with the process id of the parent this process must not outlive.
+SUPERVISOR_VARIABLE = "BMD_RTHS_SUPERVISOR"
 
 #: Longest time the nodes are given to hear how a test ended after a signal [s].
 LONGEST_FAREWELL = 2.0
@@ -80,9 +84,10 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
 def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signals: list[int]) -> None:
     clock = time.perf_counter
     give_up = math.inf
+    supervisor = int(os.environ.get(SUPERVISOR_VARIABLE, os.getppid()))
     while True:
         now = clock()
-        if signals:
+        if signals or os.getppid() != supervisor:
             give_up = min(give_up, now + LONGEST_FAREWELL)
             if now >= give_up or not any(node.wants_more_time() for node in nodes):
                 return

@@ -45,6 +45,9 @@ class StageNode(LifecycleNode):
     ROLE: ClassVar[str]
     SECTIONS: ClassVar[tuple[str, ...]]
 
+    steps: int
+    _steps_told: int
+
     def __init__(self) -> None:
         super().__init__(self.ROLE, namespace=NAMESPACE)
         self.config: Config = read_configuration(self)
@@ -119,7 +122,7 @@ class StageNode(LifecycleNode):
             if remainder:
                 self._count_malformed(topic, f"stamp {stamp} ns is not a multiple of {time_step_ns} ns")
                 return
-            if index == 0 and expected != 0:
+            if index == 0 and expected > 1:
                 self.reset_stage()
             elif index < expected:
                 self.out_of_order += 1
@@ -269,7 +272,7 @@ class StageNode(LifecycleNode):
 def message_class(topic: Topic) -> type:
     """Return the ROS message class of a topic."""
     package, _, name = topic.type_name.split("/")
-    return getattr(import_module(f"{package}.msg"), name)  # type: ignore[no-any-return]
+    return getattr(import_module(f"{package}.msg"), name)
 
 
 def codec_of(topic: Topic, config: Config) -> Any:

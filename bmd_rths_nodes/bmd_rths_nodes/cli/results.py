@@ -1,0 +1,90 @@
+"""Results of a run, as JSON and as a table for a person."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from bmd_rths_core.metrics import run_metrics
+from bmd_rths_core.record import RunRecord
+
+
+def result_of(record: RunRecord) -> dict[str, Any]:
+    """Return everything a command tells about a run, as plain values.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+
+    Returns
+    -------
+    dict
+        The object of ``--json``. Errors of an unstable run are None.
+    """
+    metrics = run_metrics(record)
+    result = {
+        "scheme": record.configuration["run"]["scheme"],
+        "motion": record.motion["name"],
+        "steps": record.steps,
+        "stable": record.stable,
+        "outcome": record.outcome,
+        "reason": record.reason,
+        "rmse_percent": metrics.rmse_percent if record.stable else dict.fromkeys(metrics.rmse_percent),
+        "floor_rmse_percent": list(metrics.floor_rmse_percent) if record.stable else None,
+        "tracking_delay_ms": metrics.tracking_delay_ms,
+        "missing_values": metrics.missing_values,
+    }
+    if record.timing is not None:
+        result["missed_deadlines"] = record.timing.missed_deadlines
+        result["max_consecutive_misses"] = record.timing.max_consecutive_misses
+        result["closure_ms"] = dict(record.timing.closure_ms)
+    return {key: _without_nan(value) for key, value in result.items()}
+
+
+def show(result: dict[str, Any], as_json: bool) -> None:
+    """Print a result on standard output.
+
+    Parameters
+    ----------
+    result : dict
+        See `result_of`; may have a ``bag`` besides.
+    as_json : bool
+        As one JSON object, or as a table.
+    """
+    if as_json:
+        click.echo(json.dumps(result))
+        return
+    title = f"{result['motion']}, {result['scheme']}: {result['outcome']} ({result['reason']})"
+    table = Table(title=title, title_justify="left", show_header=False, title_style="bold")
+    for floor, value in result["rmse_percent"].items():
+        table.add_row(f"RMSE {floor.replace('_', ' ')}", "unstable" if not result["stable"] else _number(value, "%"))
+    table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))
+    table.add_row("steps", str(result["steps"]))
+    if result["missing_values"]:
+        table.add_row("values not recorded", str(result["missing_values"]))
+    if "closure_ms" in result:
+        closure = ", ".join(f"{name} {_number(value, 'ms')}" for name, value in result["closure_ms"].items())
+        table.add_row("missed deadlines", str(result["missed_deadlines"]))
+        table.add_row("closure of a step", closure)
+    Console(soft_wrap=True).print(table)
+    if "bag" in result:
+        click.echo(f"bag: {result['bag']}")
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "not known" if value is None else f"{value:.2f} {unit}"
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON has no NaN: what could not be computed is null."""
+    if isinstance(value, dict):
+        return {key: _without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,181 @@
+"""``bmd-rths run``: the ROS graph, from start to the errors of the test."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from bmd_rths_core.config import Config, dump_config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_msgs_py.bag_reader import read_bag
+from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
+from bmd_rths_nodes.cli.options import (
+    check_writable,
+    config_argument,
+    json_option,
+    log,
+    motion_option,
+    resolve_config,
+    scheme_option,
+    set_option,
+)
+from bmd_rths_nodes.cli.results import result_of, show
+from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.monitor import RunMonitor
+from bmd_rths_nodes.supervisor import Supervisor
+
+_RECORDER_MODULE = "bmd_rths_nodes.recorder_node"
+_PROCESSES = (
+    "bmd_rths_nodes.numerical_substructure_node",
+    "bmd_rths_nodes.command_shaper_node",
+    "bmd_rths_nodes.table_driver_node",
+    "bmd_rths_nodes.shear_estimator_node",
+    "bmd_rths_nodes.force_correction_node",
+    _RECORDER_MODULE,
+)
+_COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", _RECORDER_MODULE)
+
+#: Longest time until step 0 [s]; six processes have to start and to find each other.
+START_TIMEOUT = 60.0
+
+#: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
+CLOSING_TIMEOUT = 10.0
+
+
+class RunFailed(Exception):
+    """The run could not be brought to an end; the text says why."""
+
+
+@click.command(epilog="Example: bmd-rths run config/simplified_bmd.yaml --scheme plc_fc --output bags")
+@config_argument
+@scheme_option
+@motion_option
+@set_option
+@click.option("--lockstep", is_flag=True, help="Start each step when the last one has closed, as fast as it goes.")
+@click.option("--composed", is_flag=True, help="Run the five nodes of the loop in one process.")
+@click.option("--output", type=click.Path(path_type=Path), help="Folder the bag is written into.")
+@json_option
+def run(
+    config: str,
+    scheme: str | None,
+    motion: str | None,
+    settings: tuple[str, ...],
+    lockstep: bool,
+    composed: bool,
+    output: Path | None,
+    as_json: bool,
+) -> int:
+    """Run a test on the ROS graph, record it and print its errors.
+
+    Starts the five nodes and the recorder, waits until they have found each other, runs the ground motion and
+    computes the errors from the bag. Ctrl-C ends the test in order.
+    """
+    resolved = resolve_config(config, scheme, motion, settings, run__record=True)
+    if lockstep:
+        resolved = resolved.changed(run__lockstep=True)
+    steps = select_ground_motion(resolved.ground_motion, resolved.run.time_step).steps
+    folder = output if output is not None else Path(resolved.recorder.directory)
+    check_writable(folder)
+    resolved = resolved.changed(recorder__directory=str(folder.absolute()))
+    try:
+        bag = _run(resolved, steps, _COMPOSED_PROCESSES if composed else _PROCESSES)
+    except RunFailed as error:
+        log(f"error: {error}")
+        return 1
+    record = read_bag(bag)
+    show({**result_of(record), "bag": str(bag)}, as_json)
+    return 0 if record.outcome == "finished" else 1
+
+
+def _run(config: Config, steps: int, modules: tuple[str, ...]) -> Path:
+    """Run the processes to the end of the test and return the bag."""
+    with (
+        tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch,
+        _interrupts() as interrupts,
+        RunMonitor() as monitor,
+    ):
+        others = monitor.nodes_already_there()
+        if others:
+            raise InputError(
+                f"another run is active on this ROS domain ({', '.join(others)}); "
+                "end it, or set ROS_DOMAIN_ID to a free domain"
+            )
+        parameter_file = Path(scratch) / "parameters.yaml"
+        parameter_file.write_text(dump_config(config), encoding="utf-8")
+        supervisor = Supervisor(modules, parameter_file, Path(scratch))
+        try:
+            return _follow(monitor, supervisor, steps, interrupts)
+        finally:
+            supervisor.stop()
+
+
+def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts: list[int]) -> Path:
+    """Show progress until the recorder has closed the bag."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
+    problem = ""
+    asked_to_stop = False
+    give_up = time.perf_counter() + START_TIMEOUT
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("starting", total=steps)
+        while True:
+            monitor.update(0.05)
+            substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
+            recorder = monitor.status.get(RECORDER)
+            if recorder is not None and recorder.state == status.ENDED:
+                if problem:
+                    log(f"error: {problem}")
+                return Path(recorder.values["bag"])
+            if substructure is not None and "step" in substructure.values:
+                missed = substructure.values["missed_deadlines"]
+                progress.update(
+                    task,
+                    description=f"{substructure.state}, {missed} deadlines missed",
+                    completed=int(substructure.values["step"]),
+                )
+                if substructure.state == status.RUNNING and not asked_to_stop and not problem:
+                    give_up = float("inf")
+                elif substructure.state == status.ENDED:
+                    give_up = min(give_up, time.perf_counter() + CLOSING_TIMEOUT)
+            started = substructure is not None and substructure.state in (status.RUNNING, status.ENDED)
+            lost = supervisor.lost()
+            if lost is not None and not problem and not asked_to_stop:
+                problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
+                give_up = time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0)
+            if interrupts and not asked_to_stop:
+                asked_to_stop = True
+                progress.update(task, description="stopping")
+                supervisor.interrupt_first()
+                give_up = time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0)
+            if time.perf_counter() > give_up or len(interrupts) > 1:
+                raise RunFailed(problem or _excuse(monitor, asked_to_stop))
+
+
+def _excuse(monitor: RunMonitor, asked_to_stop: bool) -> str:
+    if asked_to_stop:
+        return "stopped before the test had begun"
+    substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
+    waiting_for = substructure.values.get("waiting_for", "") if substructure else NUMERICAL_SUBSTRUCTURE
+    return f"the nodes did not find each other within {START_TIMEOUT:g} s; waiting for {waiting_for or 'the recorder'}"
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Collect SIGINT and SIGTERM in a list instead of dying of them."""
+    received: list[int] = []
+    before = {
+        number: signal.signal(number, lambda n, _: received.append(n)) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,50 @@
+"""``bmd-rths simulate``: a whole test in process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_msgs_py.record_bag import write_record
+from bmd_rths_nodes.cli.options import (
+    check_writable,
+    config_argument,
+    json_option,
+    motion_option,
+    resolve_config,
+    scheme_option,
+    set_option,
+)
+from bmd_rths_nodes.cli.results import result_of, show
+from bmd_rths_nodes.naming import new_bag_directory
+
+
+@click.command(epilog="Example: bmd-rths simulate config/simplified_bmd.yaml --scheme uc --json")
+@config_argument
+@scheme_option
+@motion_option
+@set_option
+@click.option("--output", type=click.Path(path_type=Path), help="Folder to write a bag of the run into.")
+@json_option
+def simulate(
+    config: str, scheme: str | None, motion: str | None, settings: tuple[str, ...], output: Path | None, as_json: bool
+) -> int:
+    """Run a test in process, without ROS: the same stages, the same numbers."""
+    resolved = resolve_config(config, scheme, motion, settings)
+    ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
+    if output is not None:
+        check_writable(output)
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(f"{ground_motion.name}, {resolved.run.scheme}", total=ground_motion.steps)
+        record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
+    result = result_of(record)
+    if output is not None:
+        directory = new_bag_directory(output, ground_motion.name, resolved.run.scheme)
+        result["bag"] = str(write_record(record, directory))
+    show(result, as_json)
+    return 0 if record.outcome == "finished" else 1

@@ -1,0 +1,78 @@
+"""Watch a run from outside: the status of every node, as told on /diagnostics."""
+
+from __future__ import annotations
+
+import os
+import time
+from types import TracebackType
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from bmd_rths_msgs_py.topics import NAMESPACE, ROLES
+from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.status import NodeStatus
+
+#: Time in which nodes that are already there are discovered [s].
+DISCOVERY_TIME = 0.5
+
+
+class RunMonitor:
+    """A node that listens to /diagnostics; a context manager, one in a process.
+
+    Attributes
+    ----------
+    status : dict of str to NodeStatus
+        Latest status of every role heard of.
+    """
+
+    def __init__(self) -> None:
+        self.status: dict[str, NodeStatus] = {}
+
+    def __enter__(self) -> RunMonitor:
+        """Start listening."""
+        # No arguments: the command line is not one of ROS.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node(f"rths_monitor_{os.getpid()}", enable_rosout=False, start_parameter_services=False)
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop listening."""
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def update(self, seconds: float) -> None:
+        """Listen for some time.
+
+        Parameters
+        ----------
+        seconds : float
+            How long [s].
+        """
+        end = time.perf_counter() + seconds
+        while (left := end - time.perf_counter()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def nodes_already_there(self) -> list[str]:
+        """Return the nodes of another run on the same domain.
+
+        Returns
+        -------
+        list of str
+            Roles, empty when the domain is free.
+        """
+        self.update(DISCOVERY_TIME)
+        names = self._node.get_node_names_and_namespaces()
+        return sorted({name for name, namespace in names if namespace == f"/{NAMESPACE}" and name in ROLES})
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for told in status.from_message(message):
+            self.status[told.role] = told

@@ -1,0 +1,98 @@
+"""Start the nodes of a run as processes, notice when one is lost, and leave none behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
+
+#: Time a process is given to end after SIGINT before it is killed [s].
+PATIENCE = 4.0
+
+
+@dataclass
+class Supervised:
+    """A process of the run.
+
+    Parameters
+    ----------
+    module : str
+        Python module it runs.
+    process : Popen
+        The process.
+    log : Path
+        Where its output goes.
+    """
+
+    module: str
+    process: subprocess.Popen[bytes]
+    log: Path
+
+    @property
+    def name(self) -> str:
+        """Name for a person."""
+        return self.module.rpartition(".")[2].removesuffix("_node")
+
+    def last_words(self) -> str:
+        """Return the last line it wrote."""
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "it wrote nothing"
+
+
+class Supervisor:
+    """The processes of one run.
+
+    Parameters
+    ----------
+    modules : sequence of str
+        Python modules to run, the one with the numerical substructure first.
+    parameter_file : Path
+        ROS parameter file all of them get.
+    log_folder : Path
+        Where their output goes.
+    """
+
+    def __init__(self, modules: Sequence[str], parameter_file: Path, log_folder: Path) -> None:
+        environment = {**os.environ, SUPERVISOR_VARIABLE: str(os.getpid())}
+        self.processes: list[Supervised] = []
+        for module in modules:
+            log = log_folder / f"{module.rpartition('.')[2]}.log"
+            with open(log, "wb") as output:
+                process = subprocess.Popen(
+                    [sys.executable, "-m", module, "--ros-args", "--params-file", str(parameter_file)],
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    env=environment,
+                    # Ctrl-C on the terminal must reach the supervisor only, which ends the run in order.
+                    start_new_session=True,
+                )
+            self.processes.append(Supervised(module, process, log))
+
+    def lost(self) -> Supervised | None:
+        """Return a process that has ended, if there is one."""
+        return next((p for p in self.processes if p.process.poll() is not None), None)
+
+    def interrupt_first(self) -> None:
+        """Ask the process with the numerical substructure to end the test."""
+        self.processes[0].process.send_signal(signal.SIGINT)
+
+    def stop(self) -> None:
+        """End every process: ask first, kill what does not end."""
+        for supervised in self.processes:
+            if supervised.process.poll() is None:
+                supervised.process.send_signal(signal.SIGINT)
+        give_up = time.perf_counter() + PATIENCE
+        for supervised in self.processes:
+            try:
+                supervised.process.wait(max(0.0, give_up - time.perf_counter()))
+            except subprocess.TimeoutExpired:
+                supervised.process.kill()
+                supervised.process.wait()

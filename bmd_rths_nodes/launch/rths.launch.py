@@ -1,0 +1,59 @@
+"""One test: the five nodes of the loop, and the recorder. The nodes start themselves; Ctrl-C ends them in order."""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+PACKAGE = "bmd_rths_nodes"
+LOOP = ("numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction")
+
+#: Parameter that each optional launch argument overrides.
+OVERRIDES = {"scheme": "run.scheme", "motion": "ground_motion.record", "table": "table.controller"}
+
+#: Exit status of a node that does not accept its parameters.
+REFUSED = 2
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the test."""
+    config = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "simplified_bmd.yaml"])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("config", default_value=config, description="Parameter file of all nodes"),
+            DeclareLaunchArgument("scheme", default_value="", description="uc, fc, plc or plc_fc"),
+            DeclareLaunchArgument("motion", default_value="", description="Name or file of the ground motion"),
+            DeclareLaunchArgument("table", default_value="", description="Table controller"),
+            DeclareLaunchArgument(
+                "record", default_value="true", choices=["true", "false"], description="Record the test into a bag"
+            ),
+            OpaqueFunction(function=_nodes),
+        ]
+    )
+
+
+def _nodes(context: LaunchContext) -> list[Node]:
+    given = context.launch_configurations
+    record = given["record"] == "true"
+    overrides = {name: ParameterValue(given[key], value_type=str) for key, name in OVERRIDES.items() if given[key]}
+    parameters = [given["config"], {**overrides, "run.record": record}]
+    return [
+        Node(package=PACKAGE, executable=name, parameters=parameters, output="screen", on_exit=_on_exit_of(name))
+        for name in (*LOOP, *(["recorder"] if record else []))
+    ]
+
+
+def _on_exit_of(name: str):
+    """Return what the exit of a node means for the others.
+
+    The numerical substructure is the clock of the test and tells how it ended, so only its exit ends the others. A
+    node that did not even start is the exception: the others would wait for it without end.
+    """
+
+    def on_exit(event, _):
+        started = event.returncode != REFUSED
+        return None if started and name != LOOP[0] else Shutdown(reason=f"{name} ended")
+
+    return on_exit

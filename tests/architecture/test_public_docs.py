@@ -1,0 +1,128 @@
+"""Everything public is documented, parameter by parameter, and the versions agree."""
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+import bmd_rths_core
+import bmd_rths_msgs_py
+from bmd_rths_core.parameters import parameter
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
+
+
+def modules():
+    for package in (bmd_rths_core, bmd_rths_msgs_py):
+        for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            yield importlib.import_module(info.name)
+
+
+def public_objects(namespace, module_name, prefix):
+    """Yield qualified name and object of every public function, class, method and property written in a module."""
+    for name, member in vars(namespace).items():
+        function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+        written_here = getattr(function, "__module__", None) == module_name and hasattr(function, "__qualname__")
+        if name.startswith("_") or not written_here or not (inspect.isfunction(function) or inspect.isclass(function)):
+            continue
+        yield f"{prefix}.{name}", function
+        if inspect.isclass(function):
+            yield from public_objects(function, module_name, f"{prefix}.{name}")
+
+
+def documented_parameters(docstring):
+    """Return the names in the 'Parameters' section of a numpydoc docstring."""
+    _, _, section = inspect.cleandoc(docstring).partition("Parameters\n----------\n")
+    section = re.split(r"\n\n\w[\w ]*\n-+\n", section)[0]
+    heads = [line.partition(" : ")[0] for line in section.splitlines() if re.match(r"[\w*]", line)]
+    return {name.strip().lstrip("*") for head in heads for name in head.split(",") if name.strip()}
+
+
+def parameters_of(documented):
+    """Return the parameters of a function or class; a field made with `parameter` is described where it is declared."""
+    described_fields = set()
+    if inspect.isclass(documented):
+        constructor = vars(documented).get("__init__")
+        if getattr(constructor, "__module__", None) != documented.__module__ and not hasattr(documented, "_fields"):
+            return set()  # an enumeration, a protocol, or the constructor of the base class
+        if dataclasses.is_dataclass(documented):
+            specs = ((field.name, list(field.metadata.values())) for field in dataclasses.fields(documented))
+            described_fields = {name for name, spec in specs if spec and spec[0].description}
+        documented = documented if hasattr(documented, "_fields") else constructor
+    return set(inspect.signature(documented).parameters) - {"self", "cls"} - described_fields
+
+
+def problems_of(name, documented):
+    docstring = documented.__doc__
+    # A dataclass or named tuple without a docstring is given its signature as one.
+    if not docstring or docstring.startswith(f"{documented.__name__}("):
+        return [f"{name}: no docstring"]
+    needed, described = parameters_of(documented), documented_parameters(docstring)
+    missing = [f"{name}: parameter {parameter} is not documented" for parameter in sorted(needed - described)]
+    unknown = [f"{name}: there is no parameter {parameter}" for parameter in sorted(described - needed)]
+    return missing + unknown
+
+
+def test_everything_public_is_documented():
+    found = {name: item for m in modules() for name, item in public_objects(m, m.__name__, m.__name__)}
+    assert "bmd_rths_core.numerical_substructure.NumericalSubstructure.step" in found
+    assert "bmd_rths_msgs_py.bag_reader.read_bag" in found
+    assert [problem for name, item in found.items() for problem in problems_of(name, item)] == []
+
+
+def test_an_undocumented_argument_is_found():
+    def scale(motion, factor, *, peak):
+        """Scale a motion.
+
+        Parameters
+        ----------
+        motion : GroundMotion
+            The motion, not the factor : see elsewhere.
+        peak, limit : float
+            Peak and limit.
+
+        Returns
+        -------
+        factor : float
+        """
+
+    assert problems_of("scale", scale) == [
+        "scale: parameter factor is not documented",
+        "scale: there is no parameter limit",
+    ]
+
+
+def test_a_field_without_a_description_is_found():
+    @dataclasses.dataclass
+    class Plain:
+        """Without the parameters."""
+
+        mass: float
+
+    @dataclasses.dataclass
+    class Section:
+        """Described where it is declared."""
+
+        mass: float = parameter(1.0, description="Mass", unit="kg")
+
+    assert problems_of("Plain", Plain) == ["Plain: parameter mass is not documented"]
+    assert problems_of("Section", Section) == []
+
+
+def keyword_of_setup(package, keyword):
+    tree = ast.parse((ROOT / package / "setup.py").read_text())
+    return next(ast.literal_eval(node.value) for node in ast.walk(tree) if getattr(node, "arg", None) == keyword)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_versions_agree(package):
+    manifest = ElementTree.parse(ROOT / package / "package.xml")
+    assert manifest.findtext("version") == bmd_rths_core.__version__
+    assert keyword_of_setup(package, "version") == bmd_rths_core.__version__

@@ -1,0 +1,99 @@
+"""Real middleware for every test: a domain of its own, child processes that never outlive it."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CONFIG = ROOT / "config" / "simplified_bmd.yaml"
+
+_domains = itertools.count(os.getpid() % 90)
+
+
+@pytest.fixture(autouse=True)
+def domain(monkeypatch):
+    """Give the test a ROS domain of its own, on this machine only."""
+    number = 1 + next(_domains) % 100
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return number
+
+
+class Child:
+    """A process with its output in files, so that nothing waits for a pipe."""
+
+    def __init__(self, folder, arguments):
+        self.output, self.errors = folder / "stdout.txt", folder / "stderr.txt"
+        with open(self.output, "wb") as out, open(self.errors, "wb") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=out, stderr=err, cwd=folder
+            )
+
+    def wait(self, timeout=120.0):
+        """Wait for the end and return exit status, standard output and standard error."""
+        status = self.process.wait(timeout)
+        return SimpleNamespace(status=status, output=self.output.read_text(), errors=self.errors.read_text())
+
+    def interrupt(self):
+        self.process.send_signal(signal.SIGINT)
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start Python with arguments in a folder of its own; whatever is left at the end is killed."""
+    children = []
+
+    def start_child(*arguments):
+        folder = tmp_path / f"child_{len(children)}"
+        folder.mkdir()
+        children.append(Child(folder, [str(a) for a in arguments]))
+        return children[-1]
+
+    yield start_child
+    for child in children:
+        if child.process.poll() is None:
+            child.process.send_signal(signal.SIGINT)
+            try:
+                child.process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                child.process.kill()
+                child.process.wait()
+
+
+@pytest.fixture
+def bmd_rths(start):
+    """Start the command line."""
+    return lambda *arguments: start("-m", "bmd_rths_nodes.cli.main", *arguments)
+
+
+def processes_of_domain(number):
+    """Return process id and command line of every node process on a ROS domain."""
+    found = {}
+    for folder in Path("/proc").iterdir():
+        if not folder.name.isdigit():
+            continue
+        try:
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            environment = (folder / "environ").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        is_node = "bmd_rths_nodes" in command and "cli.main" not in command
+        if is_node and f"ROS_DOMAIN_ID={number}".encode() in environment:
+            found[int(folder.name)] = command
+    return found
+
+
+def wait_until(condition, timeout=60.0):
+    """Wait for a condition, and return its value."""
+    end = time.monotonic() + timeout
+    while not (value := condition()):
+        assert time.monotonic() < end, "the condition did not come true in time"
+        time.sleep(0.02)
+    return value

@@ -1,0 +1,198 @@
+"""One node seen from ROS: parameters, lifecycle, status, messages of other nodes."""
+
+import math
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+
+from bmd_rths_core.command_shaper import CommandShaper
+from bmd_rths_core.config import Config
+from tests.nodes.conftest import wait_until
+
+
+@pytest.fixture
+def client(domain):
+    """Return a plain ROS node in this process, and a way to call services with it."""
+    context = rclpy.Context()
+    context.init(args=[], domain_id=domain)
+    node = rclpy.create_node("client", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+
+    def call(service_type, name, request):
+        service = node.create_client(service_type, name)
+        assert service.wait_for_service(timeout_sec=30.0), name
+        future = service.call_async(request)
+        executor.spin_until_future_complete(future, timeout_sec=30.0)
+        node.destroy_client(service)
+        assert future.done(), name
+        return future.result()
+
+    node.call = call
+    node.spin_some = lambda: executor.spin_once(timeout_sec=0.02)
+    yield node
+    executor.shutdown()
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.fixture
+def shaper(start):
+    """Start a command shaper that waits for the operator."""
+    return start("-m", "bmd_rths_nodes.command_shaper_node", "--ros-args", "-p", "autostart:=false")
+
+
+def change_state(client, transition):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return client.call(ChangeState, "/rths/command_shaper/change_state", request).success
+
+
+def state(client):
+    return client.call(GetState, "/rths/command_shaper/get_state", GetState.Request()).current_state.id
+
+
+def set_parameter(client, name, value):
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return client.call(SetParameters, "/rths/command_shaper/set_parameters", request).results[0]
+
+
+def test_parameters_have_type_range_description_and_unit(client, shaper):
+    names = ["command_shaper.alpha", "run.scheme", "run.seed", "autostart"]
+    request = DescribeParameters.Request(names=names)
+    alpha, scheme, seed, autostart = client.call(
+        DescribeParameters, "/rths/command_shaper/describe_parameters", request
+    ).descriptors
+    assert alpha.type == ParameterType.PARAMETER_DOUBLE
+    assert alpha.floating_point_range[0].from_value == 0.0
+    assert "Delay constant of Eq. 10" in alpha.description
+    assert "[steps]" in alpha.description
+    assert scheme.type == ParameterType.PARAMETER_STRING
+    assert scheme.additional_constraints == "one of uc, fc, plc, plc_fc"
+    assert seed.type == ParameterType.PARAMETER_INTEGER
+    assert seed.integer_range[0].from_value == 0
+    assert autostart.type == ParameterType.PARAMETER_BOOL
+
+
+def test_node_declares_its_own_sections_only(client, shaper):
+    listed = client.call(ListParameters, "/rths/command_shaper/list_parameters", ListParameters.Request()).result.names
+    sections = {name.partition(".")[0] for name in listed if "." in name}
+    assert {"run", "command_shaper"} <= sections
+    assert "specimen" not in sections
+
+
+def test_parameters_change_before_configuration_only_and_are_checked(client, shaper):
+    assert set_parameter(client, "command_shaper.alpha", 4.0).successful
+    refused = set_parameter(client, "command_shaper.w1", 0.5)
+    assert not refused.successful
+    assert "W1 = 0.5" in refused.reason
+    assert not set_parameter(client, "command_shaper.alpha", -1.0).successful
+    assert change_state(client, Transition.TRANSITION_CONFIGURE)
+    refused = set_parameter(client, "command_shaper.alpha", 3.0)
+    assert not refused.successful
+    assert "after the cleanup transition" in refused.reason
+    assert change_state(client, Transition.TRANSITION_CLEANUP)
+    assert set_parameter(client, "command_shaper.alpha", 3.0).successful
+    request = GetParameters.Request(names=["command_shaper.alpha"])
+    values = client.call(GetParameters, "/rths/command_shaper/get_parameters", request).values
+    assert values[0].double_value == 3.0
+
+
+def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(client, shaper):
+    assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
+    service = client.create_client(ChangeState, "/rths/command_shaper/change_state")
+    service.call_async(ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE)))
+    for _ in range(10):
+        client.spin_some()
+    assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
+    for transition, expected in (
+        (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
+        (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
+        (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE),
+        (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
+        (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE),
+        (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED),
+    ):
+        assert change_state(client, transition)
+        assert state(client) == expected
+    shaper.interrupt()
+    assert shaper.wait(20.0).status == 0
+
+
+def test_bare_node_starts_itself_and_tells_its_status(client, start):
+    told = {}
+
+    def on_diagnostics(message):
+        for status in message.status:
+            told[status.name] = {pair.key: pair.value for pair in status.values}
+
+    client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=10))
+    node = start("-m", "bmd_rths_nodes.command_shaper_node")
+    wait_until(lambda: client.spin_some() or told)
+    wait_until(lambda: client.spin_some() or told["/rths/command_shaper"]["state"] == "waiting")
+    assert told["/rths/command_shaper"]["malformed"] == "0"
+    assert state(client) == State.PRIMARY_STATE_ACTIVE
+    node.process.terminate()
+    result = node.wait(20.0)
+    assert result.status == 0
+    assert "Traceback" not in result.errors
+
+
+def test_ordinary_ros_node_can_take_part(client, start):
+    """A stage of a laboratory, written with ordinary messages, talks to the raw ones of this project."""
+    start(
+        "-m", "bmd_rths_nodes.command_shaper_node", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true"
+    )
+    commands = []
+    client.create_subscription(AccelStamped, "/rths/command", commands.append, QoSProfile(depth=10))
+    publisher = client.create_publisher(AccelStamped, "/rths/desired_acceleration", QoSProfile(depth=10))
+
+    def send(step, value):
+        message = AccelStamped()
+        message.header.frame_id = "another frame"
+        message.header.stamp.nanosec = 5_000_000 * step
+        message.accel.linear.x = value
+        publisher.publish(message)
+        client.spin_some()
+
+    # The two sides meet when a command comes back; what was sent before is of no interest: step 0 begins anew.
+    wait_until(lambda: send(0, 9.0) or send(1, 9.0) or commands)
+    for _ in range(20):
+        client.spin_some()
+    commands.clear()
+    expected = CommandShaper(Config().command_shaper, active=True)
+    for step, value in enumerate((0.0, 1.0, -2.5, math.pi)):
+        send(step, value)
+        wait_until(lambda n=step: client.spin_some() or len(commands) > n)
+        send(step, value)  # a repeated message is dropped, not computed twice
+        assert commands[step].accel.linear.x == expected.step(value)
+        assert commands[step].header.stamp.nanosec == 5_000_000 * step
+
+
+@pytest.mark.parametrize(
+    ("module", "parameters", "message"),
+    [
+        ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter; allowed here: w1"),
+        ("command_shaper", ["command_shaper.w1:=0.5"], "W1 = 0.5"),
+        ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; > 0 kg is required"),
+        ("table_driver", ["nonsense:=1"], "nonsense: unknown section"),
+        ("numerical_substructure", ["ground_motion.record:=no.at2"], "no.at2: cannot be read: No such file"),
+        ("recorder", ["recorder.directory:=/proc/no"], "/proc/no"),
+    ],
+)
+def test_wrong_parameters_end_the_node_with_status_2_and_one_line(start, module, parameters, message):
+    arguments = [argument for parameter in parameters for argument in ("-p", parameter)]
+    result = start("-m", f"bmd_rths_nodes.{module}_node", "--ros-args", *arguments).wait()
+    assert result.status == 2
+    lines = [line for line in result.errors.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert "Traceback" not in result.errors

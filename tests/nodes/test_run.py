@@ -1,0 +1,200 @@
+"""`bmd-rths run`: the ROS graph equals the loop in process, and survives what happens to it."""
+
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+from bmd_rths_core.config import load_config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.schemes import SCHEME_NAMES
+from bmd_rths_msgs_py.bag_reader import read_bag
+from bmd_rths_msgs_py.topics import ROLES
+from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
+
+
+def in_process(**changes):
+    config = load_config(CONFIG).changed(**changes)
+    return RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+
+
+def finished(child):
+    result = child.wait()
+    assert result.status == 0, result.errors
+    return json.loads(result.output)
+
+
+@pytest.mark.parametrize("scheme", SCHEME_NAMES)
+def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el_centro(bmd_rths, tmp_path, scheme):
+    result = finished(bmd_rths("run", CONFIG, "--scheme", scheme, "--lockstep", "--output", tmp_path, "--json"))
+    record = read_bag(result["bag"])
+    assert record.outcome == "finished"
+    assert record.steps == result["steps"] == 6237
+    assert record.same_signals(in_process(run__scheme=scheme))
+    assert result["missing_values"] == result["missed_deadlines"] == 0
+    assert result["stable"] is True
+
+
+def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadline(bmd_rths, tmp_path):
+    """On a busy machine deadlines may be missed: what came before is equal all the same, and the misses are told."""
+    duration = 5.0
+    arguments = ("--set", f"ground_motion.duration={duration}", "--output", tmp_path, "--json")
+    result = finished(bmd_rths("run", CONFIG, *arguments))
+    assert set(result) >= {"scheme", "motion", "steps", "stable", "rmse_percent", "tracking_delay_ms", "bag"}
+    assert set(result["closure_ms"]) == {"p50", "p99", "max"}
+    assert set(result["rmse_percent"]) == {"substructure", "control_layer", "superstructure"}
+    record = read_bag(result["bag"])
+    expected = in_process(ground_motion__duration=duration)
+    assert record.steps == expected.steps == 1001
+    assert len(record.timing.missed_steps) == result["missed_deadlines"]
+    first_miss = min(record.timing.missed_steps, default=record.steps)
+    for name, signal_ in record.signals().items():
+        assert np.array_equal(signal_[:first_miss], expected.signals()[name][:first_miss]), name
+
+
+def test_composed_lockstep_equals_the_loop_in_process(bmd_rths, tmp_path):
+    arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=4.0", "--output", tmp_path, "--json")
+    result = finished(bmd_rths("run", CONFIG, *arguments))
+    assert read_bag(result["bag"]).same_signals(in_process(ground_motion__duration=4.0))
+
+
+def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
+    arguments = ("--lockstep", "--set", "safety.acceleration_limit=1.0", "--output", tmp_path, "--json")
+    result = bmd_rths("run", CONFIG, *arguments).wait()
+    assert result.status == 1
+    told = json.loads(result.output)
+    assert told["outcome"] == "limit"
+    assert told["stable"] is False
+    assert told["rmse_percent"] == {"substructure": None, "control_layer": None, "superstructure": None}
+    expected = in_process(safety__acceleration_limit=1.0)
+    record = read_bag(told["bag"])
+    assert record.same_signals(expected)
+    assert record.reason == f"table_driver: {expected.reason}"
+
+
+def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(bmd_rths, tmp_path):
+    arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", tmp_path, "--json")
+    result = finished(bmd_rths("run", CONFIG, *arguments))
+    assert finished(bmd_rths("analyze", result["bag"], "--json")) == result
+    record = read_bag(result["bag"])
+    assert record.configuration["ground_motion"]["duration"] == 3.0
+    assert record.motion["name"] == "el_centro_1940_ns"
+    assert len(record.motion["sha256"]) == 64
+    assert set(record.versions) >= {"bmd_rths", "numpy", "scipy", "filterpy", "python", "rclpy", "rmw", "ros_distro"}
+    with AnyReader([tmp_path / os.path.basename(result["bag"])]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        diagnostics = [c for c in reader.connections if c.topic == "/diagnostics"]
+        told = {
+            status.name
+            for connection, _, raw in reader.messages(diagnostics)
+            for status in reader.deserialize(raw, connection.msgtype).status
+        }
+    assert {f"/rths/{role}" for role in ROLES} <= told
+    assert all(count == 601 for topic, count in counts.items() if topic != "/diagnostics")
+
+
+def begun(tmp_path):
+    """Return the MCAP file of the run once half a megabyte has been recorded."""
+    return next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 500_000), None)
+
+
+def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_path, domain):
+    child = bmd_rths("run", CONFIG, "--output", tmp_path, "--json")
+    wait_until(lambda: begun(tmp_path))
+    child.interrupt()
+    result = child.wait(30.0)
+    assert result.status == 1
+    assert "Traceback" not in result.errors
+    told = json.loads(result.output)
+    assert told["outcome"] == "stopped"
+    record = read_bag(told["bag"])
+    assert record.outcome == "stopped"
+    assert "operator" in record.reason
+    assert 0 < record.steps < 6237
+    assert processes_of_domain(domain) == {}
+
+
+def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
+    child = bmd_rths("run", CONFIG, "--output", tmp_path)
+    wait_until(lambda: processes_of_domain(domain))
+    child.interrupt()
+    result = child.wait(30.0)
+    assert result.status == 1
+    assert "Traceback" not in result.errors
+    assert processes_of_domain(domain) == {}
+
+
+def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut(bmd_rths, tmp_path, domain):
+    child = bmd_rths("run", CONFIG, "--output", tmp_path)
+    bag = wait_until(lambda: begun(tmp_path))
+    (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder_node" in command)
+    killed_at = time.time_ns()
+    os.kill(recorder, signal.SIGKILL)
+    result = child.wait(60.0)
+    assert result.status == 1
+    assert "recorder ended with status -9" in result.errors
+    record = read_bag(bag.parent)
+    assert record.outcome == "cut"
+    assert last_log_time(bag) > killed_at - 1_000_000_000
+    expected = in_process()
+    first_miss = np.flatnonzero(record.desired_acceleration != expected.desired_acceleration[: record.steps])
+    intact = first_miss[0] if len(first_miss) else record.steps
+    assert intact > 0
+    assert processes_of_domain(domain) == {}
+
+
+def last_log_time(bag):
+    """Return the log time of the last whole message of a cut MCAP file."""
+    from mcap.exceptions import McapError
+    from mcap.records import Message
+    from mcap.stream_reader import StreamReader
+
+    last = 0
+    with open(bag, "rb") as file:
+        try:
+            for record in StreamReader(file).records:
+                if isinstance(record, Message):
+                    last = max(last, record.log_time)
+        except (McapError, EOFError):
+            pass
+    return last
+
+
+def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp_path, domain):
+    child = bmd_rths("run", CONFIG, "--output", tmp_path, "--json")
+    wait_until(lambda: begun(tmp_path))
+    (shaper,) = (pid for pid, command in processes_of_domain(domain).items() if "command_shaper" in command)
+    os.kill(shaper, signal.SIGKILL)
+    result = child.wait(60.0)
+    assert result.status == 1
+    assert "command_shaper ended with status -9" in result.errors
+    record = read_bag(json.loads(result.output)["bag"])
+    assert record.outcome == "failed"
+    assert "deadlines in a row were missed" in record.reason
+    assert record.timing.max_consecutive_misses == 21
+    assert processes_of_domain(domain) == {}
+
+
+def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
+    child = bmd_rths("run", CONFIG, "--output", tmp_path)
+    wait_until(lambda: begun(tmp_path))
+    child.process.kill()
+    child.process.wait()
+    wait_until(lambda: processes_of_domain(domain) == {}, timeout=20.0)
+    (bag,) = tmp_path.glob("el_centro*")
+    assert read_bag(bag).outcome in ("stopped", "failed")
+
+
+def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
+    first = bmd_rths("run", CONFIG, "--set", "ground_motion.duration=12.0", "--output", tmp_path, "--json")
+    wait_until(lambda: begun(tmp_path))
+    second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
+    assert second.status == 2
+    assert "another run is active on this ROS domain" in second.errors
+    assert "set ROS_DOMAIN_ID to a free domain" in second.errors
+    assert finished(first)["outcome"] == "finished"
