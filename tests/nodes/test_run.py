@@ -43,13 +43,13 @@ def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el
 def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadline(bmd_rths, tmp_path):
     """On a busy machine deadlines may be missed: what came before is equal all the same, and the misses are told."""
     duration = 5.0
-    arguments = ("--set", f"ground_motion.duration={duration}", "--output", tmp_path, "--json")
+    arguments = (*PATIENT, "--set", f"ground_motion.duration={duration}", "--output", tmp_path, "--json")
     result = finished(bmd_rths("run", CONFIG, *arguments))
     assert set(result) >= {"scheme", "motion", "steps", "stable", "rmse_percent", "tracking_delay_ms", "bag"}
     assert set(result["closure_ms"]) == {"p50", "p99", "max"}
     assert set(result["rmse_percent"]) == {"substructure", "control_layer", "superstructure"}
     record = read_bag(result["bag"])
-    expected = in_process(ground_motion__duration=duration)
+    expected = in_process(ground_motion__duration=duration, run__max_consecutive_misses=200)
     assert record.steps == expected.steps == 1001
     assert len(record.timing.missed_steps) == result["missed_deadlines"]
     first_miss = min(record.timing.missed_steps, default=record.steps)
@@ -98,13 +98,17 @@ def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whol
     assert all(count == 601 for topic, count in counts.items() if topic != "/diagnostics")
 
 
+#: Real time on a busy machine: its stalls must not end the test before the fault that is tested does.
+PATIENT = ("--set", "run.max_consecutive_misses=200")
+
+
 def begun(tmp_path):
     """Return the MCAP file of the run once half a megabyte has been recorded."""
     return next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 500_000), None)
 
 
 def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, "--output", tmp_path, "--json")
+    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     child.interrupt()
     result = child.wait(30.0)
@@ -120,7 +124,7 @@ def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_p
 
 
 def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, "--output", tmp_path)
+    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
     wait_until(lambda: processes_of_domain(domain))
     child.interrupt()
     result = child.wait(30.0)
@@ -130,7 +134,7 @@ def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
 
 
 def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, "--output", tmp_path)
+    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
     bag = wait_until(lambda: begun(tmp_path))
     (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder_node" in command)
     killed_at = time.time_ns()
@@ -166,7 +170,7 @@ def last_log_time(bag):
 
 
 def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, "--output", tmp_path, "--json")
+    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     (shaper,) = (pid for pid, command in processes_of_domain(domain).items() if "command_shaper" in command)
     os.kill(shaper, signal.SIGKILL)
@@ -176,12 +180,12 @@ def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp
     record = read_bag(json.loads(result.output)["bag"])
     assert record.outcome == "failed"
     assert "deadlines in a row were missed" in record.reason
-    assert record.timing.max_consecutive_misses == 21
+    assert record.timing.max_consecutive_misses == 201
     assert processes_of_domain(domain) == {}
 
 
 def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, "--output", tmp_path)
+    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
     wait_until(lambda: begun(tmp_path))
     child.process.kill()
     child.process.wait()
@@ -191,7 +195,7 @@ def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
 
 
 def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
-    first = bmd_rths("run", CONFIG, "--set", "ground_motion.duration=12.0", "--output", tmp_path, "--json")
+    first = bmd_rths("run", CONFIG, *PATIENT, "--set", "ground_motion.duration=12.0", "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
     assert second.status == 2

@@ -84,10 +84,10 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
 def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signals: list[int]) -> None:
     clock = time.perf_counter
     give_up = math.inf
-    supervisor = int(os.environ.get(SUPERVISOR_VARIABLE, os.getppid()))
+    supervisor = os.environ.get(SUPERVISOR_VARIABLE)
     while True:
         now = clock()
-        if signals or os.getppid() != supervisor:
+        if signals or (supervisor is not None and os.getppid() != int(supervisor)):
             give_up = min(give_up, now + LONGEST_FAREWELL)
             if now >= give_up or not any(node.wants_more_time() for node in nodes):
                 return
