@@ -16,6 +16,6 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["bmd_rths_core", "numpy", "mcap", "rosbags"],
+    install_requires=["bmd_rths_core", "numpy", "mcap", "rosbags", "PyYAML"],
     zip_safe=False,
 )

@@ -67,8 +67,6 @@ def _default(field: Field[object]) -> str:
 def _allowed(hint: object, spec: ParameterSpec) -> str:
     if hint is bool:
         return "true or false"
-    if hint is str and not spec.choices:
-        return "any text that is not empty"
     return spec.allowed()
 
 

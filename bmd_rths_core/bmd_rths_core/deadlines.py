@@ -70,7 +70,7 @@ class DeadlineMonitor:
         Returns
         -------
         bool
-            True when it closes the step that is open; False for a late, early or repeated one, which is not used.
+            True when it closes the step that is open; False for a late, early or repeated one.
         """
         if not self._open or step != self._step:
             return False

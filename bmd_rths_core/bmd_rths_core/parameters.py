@@ -52,12 +52,14 @@ class ParameterSpec:
         """Return the allowed values in words, for an error message or a parameter descriptor."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
+        if not self.unit:
+            return "text that is not empty"
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         parts = []
         if self.lower is not None:
-            parts.append(f"{'>' if self.lower_open else '>='} {self.lower:g}{unit}")
+            parts.append(f"{'>' if self.lower_open else '>='} {self.lower:.10g}{unit}")
         if self.upper is not None:
-            parts.append(f"<= {self.upper:g}{unit}")
+            parts.append(f"<= {self.upper:.10g}{unit}")
         return " and ".join(parts) if parts else "any finite value" + (f" in {self.unit}" if unit else "")
 
     def _number_problem(self, value: float) -> bool:

@@ -92,7 +92,7 @@ class RunRecord:
     reason : str
         Why it ended, in words.
     timing : TimingStatistics, optional
-        None when the run did not follow a clock.
+        None for a run in process, and when a recording has no end.
     source : str
         ``"in process"`` or the path of the bag.
     """

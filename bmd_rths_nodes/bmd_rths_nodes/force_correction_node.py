@@ -20,14 +20,14 @@ class ForceCorrectionNode(StageNode):
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics."""
         self._stage = make_force_correction(config)
+        self._required = self._measured = (-1, 0.0)
         self._send_corrected_force = self.publish_to(CORRECTED_FORCE)
         self.subscribe_to(REQUIRED_FORCE, self._on_required_force)
         self.subscribe_to(INTERFACE_FORCE, self._on_interface_force)
 
     def reset_stage(self) -> None:
-        """Forget the past."""
+        """Forget the past; the two inputs of a step find each other by its index."""
         self._stage.reset()
-        self._required = self._measured = (-1, 0.0)
 
     def _on_required_force(self, step: int, force: float) -> None:
         self._required = (step, force)

@@ -7,8 +7,6 @@ import math
 import sys
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray
-
 from bmd_rths_core.assembly import make_numerical_substructure
 from bmd_rths_core.config import Config
 from bmd_rths_core.deadlines import DeadlineMonitor
@@ -22,9 +20,10 @@ from bmd_rths_msgs_py.topics import (
     REQUIRED_FORCE,
     ROLES,
 )
-from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
+from bmd_rths_nodes.ros.status import NodeStatus
 
 #: In lockstep, a step that has not closed after this time ends the test [s].
 LOCKSTEP_TIMEOUT = 5.0
@@ -47,11 +46,6 @@ class NumericalSubstructureNode(StageNode):
     ROLE = NUMERICAL_SUBSTRUCTURE
     SECTIONS = ("run", "ground_motion", "numerical_substructure")
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
-        self._due = math.inf
-
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
         motion = select_ground_motion(config.ground_motion, config.run.time_step)
@@ -61,22 +55,29 @@ class NumericalSubstructureNode(StageNode):
         self._send_desired_acceleration = self.publish_to(DESIRED_ACCELERATION)
         self._send_required_force = self.publish_to(REQUIRED_FORCE)
         self._send_ground_acceleration = self.publish_to(GROUND_ACCELERATION)
+        self._peers = {role for role in ROLES if role != self.ROLE and (role != RECORDER or config.run.record)}
+        self._ready_peers: set[str] = set()
         self.subscribe_to(CORRECTED_FORCE, self._on_corrected_force)
+        self.listen_to_peers(self._on_peer)
+        self._forget_the_last_test()
 
     def reset_stage(self) -> None:
         """Return to rest before step 0."""
         self._stage.reset()
+        self._ready_peers.clear()
+        self._forget_the_last_test()
+
+    def _forget_the_last_test(self) -> None:
         self._deadlines = DeadlineMonitor(len(self._ground), self.config.run.max_consecutive_misses)
         self._step = 0
         self._feedback = 0.0
         self._due = math.inf
         self._outcome = ""
-        self._peers = {role for role in ROLES if role != self.ROLE and (role != RECORDER or self.config.run.record)}
-        self._ready_peers: set[str] = set()
 
     def stop_stage(self) -> None:
         """End a test that is under way."""
-        self._due = math.inf
+        if self.configured:
+            self._due = math.inf
         if self.state == status.RUNNING:
             self._end("stopped", "stopped by the operator")
 
@@ -102,6 +103,8 @@ class NumericalSubstructureNode(StageNode):
 
     def poll(self, now: float) -> float:
         """Begin the next step when it is time."""
+        if not self.configured:
+            return super().poll(now)
         if now >= self._due:
             if self.state == status.READY:
                 self._start(now)
@@ -149,19 +152,20 @@ class NumericalSubstructureNode(StageNode):
         self._send_ground_acceleration(step, ground_acceleration)
 
     def _on_corrected_force(self, step: int, force: float) -> None:
-        if self.state == status.RUNNING and self._deadlines.closed(step, time.perf_counter()):
-            self._feedback = force
-            if self._lockstep:
-                self._begin_step()
+        if self.state != status.RUNNING:
+            return
+        # A shear that comes too late is a missed deadline, but still newer than the one that is held.
+        self._feedback = force
+        if self._deadlines.closed(step, time.perf_counter()) and self._lockstep:
+            self._begin_step()
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for peer in status.from_message(message):
-            if peer.state == status.TRIPPED and self.state == status.RUNNING:
-                self._end(peer.values.get("outcome") or "failed", f"{peer.role}: {peer.message}")
-            if peer.state == status.READY:
-                self._ready_peers.add(peer.role)
-            else:
-                self._ready_peers.discard(peer.role)
+    def _on_peer(self, peer: NodeStatus) -> None:
+        if peer.state == status.TRIPPED and self.state == status.RUNNING:
+            self._end(peer.values.get("outcome") or "failed", f"{peer.role}: {peer.message}")
+        if peer.state == status.READY:
+            self._ready_peers.add(peer.role)
+        else:
+            self._ready_peers.discard(peer.role)
         if self.state == status.READY:
             all_ready = self._peers <= self._ready_peers
             if not all_ready:

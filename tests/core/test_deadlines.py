@@ -16,7 +16,7 @@ def test_steps_that_close_in_time_give_their_closure_times():
     assert math.isclose(timing.closure_ms["max"], 3.0)
 
 
-def test_late_early_and_repeated_shears_are_not_used():
+def test_late_early_and_repeated_shears_close_nothing():
     monitor = DeadlineMonitor(steps=4, max_consecutive_misses=5)
     monitor.opened(0, 0.0)
     assert not monitor.closed(1, 0.001)

@@ -13,9 +13,15 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from trajectory_msgs.msg import JointTrajectory
 
 from bmd_rths_core.command_shaper import CommandShaper
-from bmd_rths_core.config import Config
+from bmd_rths_core.config import Config, dump_config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_msgs_py.bag_reader import read_bag
+from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_nodes.ros import status
 from tests.nodes.conftest import wait_until
 
 
@@ -51,9 +57,9 @@ def shaper(start):
     return start("-m", "bmd_rths_nodes.command_shaper_node", "--ros-args", "-p", "autostart:=false")
 
 
-def change_state(client, transition):
+def change_state(client, transition, role="command_shaper"):
     request = ChangeState.Request(transition=Transition(id=transition))
-    return client.call(ChangeState, "/rths/command_shaper/change_state", request).success
+    return client.call(ChangeState, f"/rths/{role}/change_state", request).success
 
 
 def state(client):
@@ -108,10 +114,7 @@ def test_parameters_change_before_configuration_only_and_are_checked(client, sha
 
 def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(client, shaper):
     assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
-    service = client.create_client(ChangeState, "/rths/command_shaper/change_state")
-    service.call_async(ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE)))
-    for _ in range(10):
-        client.spin_some()
+    assert not change_state(client, Transition.TRANSITION_ACTIVATE)
     assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
     for transition, expected in (
         (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
@@ -120,6 +123,9 @@ def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(clien
         (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
         (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE),
         (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED),
+        (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
+        (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
+        (Transition.TRANSITION_ACTIVE_SHUTDOWN, State.PRIMARY_STATE_FINALIZED),
     ):
         assert change_state(client, transition)
         assert state(client) == expected
@@ -131,8 +137,8 @@ def test_bare_node_starts_itself_and_tells_its_status(client, start):
     told = {}
 
     def on_diagnostics(message):
-        for status in message.status:
-            told[status.name] = {pair.key: pair.value for pair in status.values}
+        for entry in message.status:
+            told[entry.name] = {pair.key: pair.value for pair in entry.values}
 
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=10))
     node = start("-m", "bmd_rths_nodes.command_shaper_node")
@@ -195,4 +201,100 @@ def test_wrong_parameters_end_the_node_with_status_2_and_one_line(start, module,
     lines = [line for line in result.errors.splitlines() if line.startswith("error: ")]
     assert len(lines) == 1
     assert message in lines[0]
+    assert "Traceback" not in result.errors
+
+
+def test_second_test_with_the_same_processes_equals_the_first(client, start, tmp_path):
+    """As in the laboratory: six processes started by hand, then recorder and numerical substructure activated again."""
+    parameters = tmp_path / "parameters.yaml"
+    config = Config().changed(
+        run__lockstep=True, ground_motion__duration=1.0, recorder__directory=str(tmp_path / "bags")
+    )
+    parameters.write_text(dump_config(config))
+    for role in ROLES:
+        start("-m", f"bmd_rths_nodes.{role}_node", "--ros-args", "--params-file", parameters)
+
+    def closed_bags():
+        return [file.parent for file in (tmp_path / "bags").glob("*/metadata.yaml") if "outcome" in file.read_text()]
+
+    wait_until(lambda: len(closed_bags()) == 1)
+    for role in ("recorder", "numerical_substructure"):
+        assert change_state(client, Transition.TRANSITION_DEACTIVATE, role)
+    for role in ("recorder", "numerical_substructure"):
+        assert change_state(client, Transition.TRANSITION_ACTIVATE, role)
+    wait_until(lambda: len(closed_bags()) == 2)
+    expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+    for bag in closed_bags():
+        record = read_bag(bag)
+        assert record.outcome == "finished"
+        assert record.same_signals(expected)
+
+
+def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_again(client, start):
+    told, measured = {}, []
+
+    def on_diagnostics(message):
+        for entry in message.status:
+            told[entry.name] = {pair.key: pair.value for pair in entry.values}
+
+    client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=10))
+    client.create_subscription(JointTrajectory, "/rths/measurement", measured.append, QoSProfile(depth=10))
+    commands = client.create_publisher(AccelStamped, "/rths/command", QoSProfile(depth=10))
+    diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+    start("-m", "bmd_rths_nodes.table_driver_node", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true")
+
+    def send(step):
+        message = AccelStamped()
+        message.header.stamp.nanosec = 5_000_000 * step
+        commands.publish(message)
+        client.spin_some()
+
+    def table():
+        client.spin_some()
+        return told.get("/rths/table_driver", {}).get("table")
+
+    wait_until(lambda: send(0) or send(1) or measured)
+    wait_until(lambda: table() == "moving")
+    ended = status.NodeStatus("/rths/numerical_substructure", status.ENDED)
+    diagnostics.publish(status.to_message(ended, 0, 0))
+    wait_until(lambda: table() == "at rest")
+    measured.clear()
+    for step in range(2, 30):
+        send(step)
+    assert measured == []
+    assert table() == "at rest"
+    wait_until(lambda: send(0) or measured)  # a new test begins at step 0
+    wait_until(lambda: table() == "moving")
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, start, tmp_path, role):
+    """Every state between unconfigured and active is told without harm while other nodes tell theirs."""
+    child = start(
+        *("-m", f"bmd_rths_nodes.{role}_node", "--ros-args"),
+        *("-p", "autostart:=false", "-p", f"recorder.directory:={tmp_path}"),
+    )
+    diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+    told = []
+    client.create_subscription(DiagnosticArray, "/diagnostics", told.append, QoSProfile(depth=10))
+    steps = (
+        Transition.TRANSITION_CONFIGURE,
+        Transition.TRANSITION_ACTIVATE,
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+    )
+    for transition in steps:
+        assert change_state(client, transition, role)
+        told.clear()
+        # Its own status once a second, between those of another node.
+        wait_until(
+            lambda: (
+                diagnostics.publish(status.to_message(status.NodeStatus("/rths/another", status.READY), 0, 0))
+                or client.spin_some()
+                or any(s.name == f"/rths/{role}" for message in told for s in message.status)
+            )
+        )
+    child.interrupt()
+    result = child.wait(20.0)
+    assert result.status == 0
     assert "Traceback" not in result.errors

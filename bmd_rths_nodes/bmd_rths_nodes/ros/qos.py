@@ -1,8 +1,8 @@
 """Quality of service of every topic, and why.
 
 Publishers offer *reliable* delivery and keep a history, because the recorder must not lose a message. The stages ask
-for *best effort* with depth one: for them only the newest value counts, and a lost one is a missed deadline, which is
-counted, and not a reason to wait. A reliable publisher serves both kinds of subscription.
+for *best effort*: a lost message is a missed deadline, which is counted, and not a reason to wait. A reliable publisher
+serves both kinds of subscription.
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -15,10 +15,11 @@ PUBLISHER = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 
-#: Asked for by the stages in real time: the newest value or none.
+#: Asked for by the stages in real time: no repetition of what is lost. After a stall of the machine a stage catches up
+#: with every sample; a filter that skips one answers with a jump of its output (docs/decisions/0004).
 STAGE = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=1,
+    depth=10,
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )

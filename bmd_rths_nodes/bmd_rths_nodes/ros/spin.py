@@ -94,11 +94,7 @@ def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signal
         due = min(node.poll(now) for node in nodes)
         wait = due - clock()
         if wait > WAKE_UP_MARGIN:
-            try:
-                executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
-            except rclpy_implementation.RCLError as error:
-                # A lifecycle transition that is not possible in this state ends up here; the node stays as it is.
-                nodes[0].get_logger().error(f"request refused: {error}")
+            executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
         else:
             while clock() < due:
                 pass

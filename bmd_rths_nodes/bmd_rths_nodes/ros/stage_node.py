@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -87,6 +88,17 @@ class StageNode(LifecycleNode):
         """Tell whether the node still has to hear something before its process may end."""
         return False
 
+    def listen_to_peers(self, on_peer: Callable[[NodeStatus], None]) -> None:
+        """Call a function with every status that a node of this project tells."""
+
+        def on_diagnostics(message: DiagnosticArray) -> None:
+            for peer in status.from_message(message):
+                on_peer(peer)
+
+        self._subscriptions_of.append(
+            self.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, qos.DIAGNOSTICS)
+        )
+
     def publish_to(self, topic: Topic) -> Callable[[int, Any], None]:
         """Create the publisher of a topic and return a function that sends the value of a step."""
         publisher = self.create_publisher(message_class(topic), topic.name, qos.PUBLISHER)
@@ -107,10 +119,9 @@ class StageNode(LifecycleNode):
         """
         time_step_ns = self.config.run.time_step_ns
         unpack = codec_of(topic, self.config).unpack
-        expected = 0
+        name = topic.name
 
         def on_message(data: bytes) -> None:
-            nonlocal expected
             if self.state not in _TAKING_PART:
                 return
             try:
@@ -122,6 +133,7 @@ class StageNode(LifecycleNode):
             if remainder:
                 self._count_malformed(topic, f"stamp {stamp} ns is not a multiple of {time_step_ns} ns")
                 return
+            expected = self._expected.get(name, 0)
             if index == 0 and expected > 1:
                 self.reset_stage()
             elif index < expected:
@@ -129,7 +141,7 @@ class StageNode(LifecycleNode):
                 return
             elif index > expected:
                 self.lost += index - expected
-            expected = index + 1
+            self._expected[name] = index + 1
             self.steps += 1
             step(index, value)
 
@@ -230,9 +242,28 @@ class StageNode(LifecycleNode):
         self.configured = False
         return super().on_cleanup(state)
 
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop taking part for good."""
+        self.stop_stage()
+        self.set_state(status.INACTIVE)
+        self._destroy_topics()
+        self.configured = False
+        return super().on_shutdown(state)
+
+    def _LifecycleNodeMixin__on_change_state(self, request: Any, response: Any) -> Any:
+        """Answer a request for a transition that is not possible, which rclpy 7.1 leaves unanswered."""
+        try:
+            return super()._LifecycleNodeMixin__on_change_state(request, response)  # type: ignore[misc]
+        except rclpy_implementation.RCLError as error:
+            self.get_logger().error(f"transition refused: {error}")
+            response.success = False
+            return response
+
     # ---- details
 
     def _forget_counts(self) -> None:
+        """Begin to count anew: the next step of each topic, and what went wrong."""
+        self._expected: dict[str, int] = {}
         self.steps = self._steps_told = 0
         self.malformed = self.out_of_order = self.lost = 0
 

@@ -1,0 +1,89 @@
+"""Who may import whom: the contracts of pyproject.toml hold, and they bite."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
+
+#: Distributions whose module has another name.
+MODULE_OF = {"PyYAML": "yaml"}
+
+
+def lint_imports(root):
+    """Check the contracts of a copy of the repository."""
+    return subprocess.run(
+        [sys.executable, "-c", "from importlinter.cli import lint_imports_command as main; main()", "--no-cache"],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(str(root / package) for package in PACKAGES)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """Copy the packages and the contracts."""
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package / package, tmp_path / package / package)
+    return tmp_path
+
+
+def test_the_contracts_hold():
+    result = lint_imports(ROOT)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert re.search(r"[1-9]\d* kept, 0 broken", result.stdout)
+
+
+@pytest.mark.parametrize(
+    ("module", "statement", "broken"),
+    [
+        ("bmd_rths_core.command_shaper", "import rclpy", "bmd_rths_core is not allowed to import rclpy"),
+        ("bmd_rths_core.table.simulated", "import time", "bmd_rths_core is not allowed to import time"),
+        ("bmd_rths_core.loop", "from datetime import datetime", "bmd_rths_core is not allowed to import datetime"),
+        ("bmd_rths_core.table.controller", "import socket", "bmd_rths_core is not allowed to import socket"),
+        ("bmd_rths_core.record", "from mcap.writer import Writer", "bmd_rths_core is not allowed to import mcap"),
+        ("bmd_rths_core.metrics", "import matplotlib.pyplot", "bmd_rths_core is not allowed to import matplotlib"),
+        ("bmd_rths_core.safety", "import bmd_rths_core.command_shaper", "bmd_rths_core.safety -> bmd_rths_core"),
+        ("bmd_rths_msgs_py.cdr", "from rclpy.time import Time", "bmd_rths_msgs_py is not allowed to import rclpy"),
+        ("bmd_rths_nodes.composition", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
+        ("bmd_rths_nodes.ros.spin", "import numpy as np", "bmd_rths_nodes is not allowed to import numpy"),
+    ],
+)
+def test_a_planted_import_is_found(copy, module, statement, broken):
+    package, *_ = module.split(".")
+    path = copy / package / Path(*module.split(".")).with_suffix(".py")
+    path.write_text(f"{path.read_text()}\n\ndef planted():\n    {statement}\n")
+    result = lint_imports(copy)
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert broken in " ".join(result.stdout.split())
+
+
+def imported_modules(package):
+    """Return the top-level modules outside this project and the standard library that a package imports."""
+    nodes = [
+        node for path in (ROOT / package / package).rglob("*.py") for node in ast.walk(ast.parse(path.read_text()))
+    ]
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
+    return {name.partition(".")[0] for name in names} - sys.stdlib_module_names - {package}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_imported_package_is_declared(package):
+    setup = ast.parse((ROOT / package / "setup.py").read_text())
+    keywords = {keyword.arg: keyword.value for node in ast.walk(setup) for keyword in getattr(node, "keywords", [])}
+    pip = set(ast.literal_eval(keywords["install_requires"]))
+    ros = {depend.text for depend in ElementTree.parse(ROOT / package / "package.xml").iter("exec_depend")}
+    assert imported_modules(package) <= {MODULE_OF.get(name, name) for name in pip} | ros

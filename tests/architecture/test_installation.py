@@ -1,0 +1,122 @@
+"""The packages install with pip and with colcon, and `ros2 run` and `ros2 launch` find everything in either case."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
+EXECUTABLES = (
+    "numerical_substructure",
+    "command_shaper",
+    "table_driver",
+    "shear_estimator",
+    "force_correction",
+    "recorder",
+)
+
+#: Set by the start-up code of the ROS wheels; a child in another environment must go through it again.
+WHEELS_STARTED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """Copy what is installed, because building leaves files beside the sources."""
+    for folder in (*PACKAGES, "config", "ros2_ws"):
+        ignored = shutil.ignore_patterns("build", "install", "log", "*.egg-info", "__pycache__")
+        shutil.copytree(ROOT / folder, tmp_path / "copy" / folder, symlinks=True, ignore=ignored)
+    return tmp_path / "copy"
+
+
+@pytest.fixture
+def environment(tmp_path):
+    """Return an environment in which this checkout cannot be imported."""
+    ours = ("PYTHONPATH", "PYTHONHOME", WHEELS_STARTED)
+    paths = [Path(path) for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
+    elsewhere = [str(path) for path in paths if ROOT not in (path, *path.parents)]
+    return {
+        **{name: value for name, value in os.environ.items() if name not in ours},
+        "PYTHONPATH": os.pathsep.join(elsewhere),
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(tmp_path / "log"),
+        "COLCON_HOME": str(tmp_path / "colcon"),
+    }
+
+
+def run(arguments, folder, environment):
+    """Run a command to its end and return what came of it."""
+    return subprocess.run(
+        [str(argument) for argument in arguments],
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def succeed(arguments, folder, environment):
+    """Run a command that has to succeed and return its output."""
+    result = run(arguments, folder, environment)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def assert_installed(prefixes, folder, environment, monkeypatch):
+    """Everything is where ROS looks for it, and every executable starts from there."""
+    monkeypatch.setenv("AMENT_PREFIX_PATH", environment["AMENT_PREFIX_PATH"])
+    for package in PACKAGES:
+        assert Path(get_package_prefix(package)) == prefixes[package]
+        assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
+    share = Path(get_package_share_directory("bmd_rths_nodes"))
+    assert (share / "launch" / "rths.launch.py").is_file()
+    assert {path.name for path in (share / "config").iterdir()} == {path.name for path in (ROOT / "config").iterdir()}
+    executables = Path(get_package_prefix("bmd_rths_nodes")) / "lib" / "bmd_rths_nodes"
+    assert set(EXECUTABLES) <= {path.name for path in executables.iterdir() if os.access(path, os.X_OK)}
+    for name in EXECUTABLES:
+        # A parameter that does not exist makes the node say so and end; to get there it has to import everything.
+        refused = run([executables / name, "--ros-args", "-p", "nonsense.key:=1"], folder, environment)
+        assert (refused.returncode, refused.stdout) == (2, ""), refused.stderr
+        (line,) = refused.stderr.splitlines()
+        assert line.startswith("error: nonsense: unknown section")
+
+
+def where_imported(python, folder, environment):
+    """Return the folders the packages are imported from."""
+    files = f"import {', '.join(PACKAGES)}; print(*({', '.join(f'{package}.__file__' for package in PACKAGES)}))"
+    return [Path(file) for file in succeed([python, "-c", files], folder, environment).split()]
+
+
+def test_pip(copy, tmp_path, environment, monkeypatch):
+    prefix = tmp_path / "venv"
+    succeed([sys.executable, "-m", "venv", "--without-pip", prefix], tmp_path, environment)
+    (site_packages,) = prefix.glob("lib/python*/site-packages")
+    # What the packages need comes from the environment of the tests, behind what is installed here.
+    shared = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages")]
+    (site_packages / "shared.pth").write_text("\n".join(shared))
+    python = prefix / "bin" / "python"
+    offline = ("--no-index", "--no-build-isolation", "--no-deps", "--ignore-installed", "--no-cache-dir")
+    succeed([python, "-m", "pip", "install", *offline, *(copy / p for p in PACKAGES)], tmp_path, environment)
+    assert all(site_packages in file.parents for file in where_imported(python, tmp_path, environment))
+    assert (prefix / "bin" / "bmd-rths").is_file()
+    environment["AMENT_PREFIX_PATH"] = os.pathsep.join([str(prefix), os.environ.get("AMENT_PREFIX_PATH", "")])
+    assert_installed(dict.fromkeys(PACKAGES, prefix), tmp_path, environment, monkeypatch)
+
+
+def test_colcon(copy, tmp_path, environment, monkeypatch):
+    workspace = copy / "ros2_ws"
+    colcon = [sys.executable, "-c", "import sys; from colcon_core.command import main; sys.exit(main())"]
+    succeed([*colcon, "build", "--executor", "sequential"], workspace, environment)
+    listing = succeed(["bash", "-c", ". install/setup.bash && env --null"], workspace, environment)
+    sourced = dict(line.split("=", 1) for line in listing.split("\0") if line)
+    files = where_imported(Path(sys.executable).name, tmp_path, sourced)
+    assert all(workspace / "install" / p in file.parents for p, file in zip(PACKAGES, files, strict=True))
+    assert_installed({p: workspace / "install" / p for p in PACKAGES}, tmp_path, sourced, monkeypatch)

@@ -1,0 +1,91 @@
+"""The launch file starts what is there, with parameters that exist. Here it runs without ROS, on fakes."""
+
+import runpy
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import pytest
+
+from bmd_rths_core.config import Config
+
+FOLDER = Path(__file__).parents[2] / "bmd_rths_nodes"
+GIVEN = {"config": "my.yaml", "scheme": "", "motion": "", "table": "", "record": "true"}
+LOOP = {"numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction"}
+
+
+@pytest.fixture
+def launch_file(monkeypatch):
+    """Run the launch file with actions that only keep their arguments."""
+    for name in ("launch", "launch.actions", "launch.substitutions"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    for name in ("launch_ros", "launch_ros.actions", "launch_ros.parameter_descriptions", "launch_ros.substitutions"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    sys.modules["launch"].LaunchDescription = list
+    sys.modules["launch.actions"].DeclareLaunchArgument = lambda name, **options: SimpleNamespace(name=name, **options)
+    sys.modules["launch.actions"].OpaqueFunction = lambda function: SimpleNamespace(name="", function=function)
+    sys.modules["launch.actions"].Shutdown = lambda reason: reason
+    sys.modules["launch.substitutions"].PathJoinSubstitution = list
+    sys.modules["launch_ros.substitutions"].FindPackageShare = lambda package: FOLDER.parent / package
+    sys.modules["launch_ros.actions"].Node = lambda **options: SimpleNamespace(**options)
+    sys.modules["launch_ros.parameter_descriptions"].ParameterValue = lambda value, value_type: value_type(value)
+    return SimpleNamespace(**runpy.run_path(str(FOLDER / "launch" / "rths.launch.py")))
+
+
+@pytest.fixture
+def nodes(launch_file):
+    """Return a function that gives the nodes started with some launch arguments, by executable."""
+    *_, action = launch_file.generate_launch_description()
+
+    def start(**arguments):
+        context = SimpleNamespace(launch_configurations={**GIVEN, **arguments})
+        return {node.executable: node for node in action.function(context)}
+
+    return start
+
+
+def test_arguments(launch_file):
+    arguments = {a.name: a for a in launch_file.generate_launch_description() if a.name}
+    assert set(arguments) == set(GIVEN)
+    assert Path(*arguments["config"].default_value).is_file()
+    assert {name: a.default_value for name, a in arguments.items() if name != "config"} == {
+        name: value for name, value in GIVEN.items() if name != "config"
+    }
+
+
+def test_every_executable_exists(nodes):
+    started = nodes()
+    assert set(started) == {*LOOP, "recorder"} == {path.name for path in (FOLDER / "scripts").iterdir()}
+    assert {node.package for node in started.values()} == {"bmd_rths_nodes"}
+
+
+def test_without_arguments_the_file_decides(nodes):
+    for node in nodes().values():
+        assert node.parameters == ["my.yaml", {"run.record": True}]
+
+
+def test_arguments_become_parameters(nodes):
+    started = nodes(scheme="uc", motion="123", table="simulated", record="false")
+    assert set(started) == LOOP
+    for node in started.values():
+        file, overrides = node.parameters
+        assert file == "my.yaml"
+        config = Config().changed(**{name.replace(".", "__"): value for name, value in overrides.items()})
+        assert (config.run.scheme, config.run.record) == ("uc", False)
+        assert (config.ground_motion.record, config.table.controller) == ("123", "simulated")
+
+
+@pytest.mark.parametrize(
+    ("executable", "status", "ends"),
+    [
+        ("numerical_substructure", 0, True),
+        ("numerical_substructure", -9, True),
+        ("table_driver", -9, False),  # the numerical substructure notices, and tells how the test ended
+        ("table_driver", 2, True),  # it never started, and the others would wait for it
+        ("recorder", 2, True),
+    ],
+)
+def test_whose_exit_ends_the_others(nodes, executable, status, ends):
+    action = nodes()[executable].on_exit(SimpleNamespace(returncode=status), None)
+    assert action == (f"{executable} ended" if ends else None)
