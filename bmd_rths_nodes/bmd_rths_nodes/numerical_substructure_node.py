@@ -108,6 +108,8 @@ class NumericalSubstructureNode(StageNode):
         if now >= self._due:
             if self.state == status.READY:
                 self._start(now)
+            elif self.state != status.RUNNING:  # a peer was lost between the decision to start and the start
+                self._due = math.inf
             elif self._lockstep:
                 self._end("failed", f"step {self._step - 1} did not close within {LOCKSTEP_TIMEOUT:g} s")
             else:

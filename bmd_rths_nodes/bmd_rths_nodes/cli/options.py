@@ -9,6 +9,8 @@ from pathlib import Path
 import click
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from rich.console import Console
+from rich.progress import Progress, ProgressColumn
 
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
@@ -89,6 +91,12 @@ def check_writable(folder: Path) -> None:
         raise InputError(f"--output {folder}: cannot be written: {error.strerror}") from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--output {folder}: cannot be written: Permission denied")
+
+
+def progress_bar(*columns: ProgressColumn) -> Progress:
+    """Return a progress display on standard error that leaves nothing behind, and is silent where nobody watches."""
+    console = Console(stderr=True)
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 def log(text: str) -> None:

@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
@@ -24,6 +23,7 @@ from bmd_rths_nodes.cli.options import (
     json_option,
     log,
     motion_option,
+    progress_bar,
     resolve_config,
     scheme_option,
     set_option,
@@ -124,7 +124,7 @@ def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts:
     problem = ""
     asked_to_stop = False
     give_up = time.perf_counter() + START_TIMEOUT
-    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as progress:
+    with progress_bar(*columns, TimeElapsedColumn()) as progress:
         task = progress.add_task("starting", total=steps)
         while True:
             monitor.update(0.05)

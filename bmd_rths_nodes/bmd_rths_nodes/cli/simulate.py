@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import Progress
 
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
@@ -16,6 +14,7 @@ from bmd_rths_nodes.cli.options import (
     config_argument,
     json_option,
     motion_option,
+    progress_bar,
     resolve_config,
     scheme_option,
     set_option,
@@ -39,7 +38,7 @@ def simulate(
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     if output is not None:
         check_writable(output)
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with progress_bar() as progress:
         task = progress.add_task(f"{ground_motion.name}, {resolved.run.scheme}", total=ground_motion.steps)
         record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
     result = result_of(record)
