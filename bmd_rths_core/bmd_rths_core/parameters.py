@@ -225,14 +225,13 @@ def _number(name: str, value: object, spec: ParameterSpec) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         hint = ""
         if isinstance(value, str) and _is_number(value):
-            hint = f" (YAML reads {value} as text: write it with a decimal point, {float(value):.6e})"
+            hint = f" (YAML reads {value} as text: write it as {float(value):.6e})"
         raise InputError(f"{name}: {value!r} is not a number{hint}; {spec.allowed()} is required")
     return float(value)
 
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        return math.isfinite(float(text))
     except ValueError:
         return False
-    return True

@@ -5,9 +5,11 @@ from __future__ import annotations
 from datetime import datetime
 from pathlib import Path
 
+from bmd_rths_core.errors import InputError
+
 
 def new_bag_directory(folder: Path, motion: str, scheme: str) -> Path:
-    """Return a directory that does not exist yet for the bag of a test.
+    """Make a new, empty directory for the bag of a test.
 
     Parameters
     ----------
@@ -20,7 +22,20 @@ def new_bag_directory(folder: Path, motion: str, scheme: str) -> Path:
     -------
     Path
         ``<motion>_<scheme>_<date>_<time>`` in the folder, with a number when two tests start in one second.
+
+    Raises
+    ------
+    InputError
+        It cannot be made.
     """
     name = f"{motion}_{scheme}_{datetime.now():%Y%m%d_%H%M%S}"
-    candidates = (folder / f"{name}{suffix}" for suffix in ("", *(f"_{i}" for i in range(2, 1000))))
-    return next(path for path in candidates if not path.exists())
+    for suffix in ("", *(f"_{i}" for i in range(2, 1000))):
+        directory = folder / f"{name}{suffix}"
+        try:
+            directory.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written: {error.strerror}") from error
+        return directory
+    raise InputError(f"{folder}: a thousand recordings {name} are there; another folder is required")

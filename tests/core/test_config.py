@@ -76,7 +76,7 @@ def test_changed_validates_and_leaves_the_original():
         (["run:", "  scheme: plcfc"], "run.scheme: 'plcfc' is not allowed; one of uc, fc, plc, plc_fc is required"),
         (
             ["run:", "  time_step: 5e-3"],
-            "run.time_step: '5e-3' is not a number (YAML reads 5e-3 as text: write it with",
+            "run.time_step: '5e-3' is not a number (YAML reads 5e-3 as text: write it as 5",
         ),
         (["run:", "  time_step: 0.0"], "run.time_step: 0.0 is not allowed; >= 0.0001 s and <= 0.1 s is required"),
         (["run:", "  time_step: .nan"], "run.time_step: nan is not allowed"),

@@ -11,6 +11,7 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import run_metrics
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.main import main
+from bmd_rths_nodes.naming import new_bag_directory
 from tests.nodes.conftest import CONFIG
 
 
@@ -55,6 +56,24 @@ def test_table_for_a_person_tells_errors_and_bag(run_main, tmp_path):
     _, output, _ = run_main("simulate", CONFIG, "--set", "ground_motion.duration=1.0", "--output", tmp_path)
     for text in ("RMSE substructure", "RMSE superstructure", "tracking delay", "finished", "bag: "):
         assert text in output
+
+
+def test_text_in_brackets_is_no_markup(run_main):
+    _, output, _ = run_main("simulate", CONFIG, "--set", "safety.acceleration_limit=1.0")
+    assert "safety.acceleration_limit [m/s2] passed" in " ".join(output.split())
+
+
+def test_bare_command_shows_its_help_with_status_2(run_main):
+    status, output, errors = run_main()
+    assert (status, output) == (2, "")
+    assert "Usage: bmd-rths" in errors
+    assert errors.count("\n") > 5
+
+
+def test_recordings_of_the_same_second_get_directories_of_their_own(tmp_path):
+    made = {new_bag_directory(tmp_path, "motion", "uc") for _ in range(5)}
+    assert len(made) == 5
+    assert all(path.is_dir() for path in made)
 
 
 def test_unstable_simulation_is_reported_and_has_status_1(run_main):

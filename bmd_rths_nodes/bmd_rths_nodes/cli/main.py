@@ -41,6 +41,9 @@ def main() -> int:
     except InputError as error:
         log(f"error: {error}")
         return 2
+    except click.exceptions.NoArgsIsHelpError as error:
+        log(error.format_message())
+        return 2
     except click.ClickException as error:
         log(f"error: {' '.join(error.format_message().split())}")
         return 2

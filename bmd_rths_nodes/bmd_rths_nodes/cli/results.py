@@ -9,6 +9,7 @@ from typing import Any
 import click
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from bmd_rths_core.metrics import run_metrics
 from bmd_rths_core.record import RunRecord
@@ -61,7 +62,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         click.echo(json.dumps(result))
         return
     title = f"{result['motion']}, {result['scheme']}: {result['outcome']} ({result['reason']})"
-    table = Table(title=title, title_justify="left", show_header=False, title_style="bold")
+    table = Table(title=Text(title), title_justify="left", show_header=False, title_style="bold")
     for floor, value in result["rmse_percent"].items():
         table.add_row(f"RMSE {floor.replace('_', ' ')}", "unstable" if not result["stable"] else _number(value, "%"))
     table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))

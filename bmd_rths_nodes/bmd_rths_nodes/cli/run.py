@@ -156,10 +156,13 @@ def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts:
                 supervisor.interrupt_first()
                 give_up = time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0)
             if time.perf_counter() > give_up or len(interrupts) > 1:
-                raise RunFailed(problem or _excuse(monitor, asked_to_stop))
+                raise RunFailed(problem or _excuse(monitor, asked_to_stop, started))
 
 
-def _excuse(monitor: RunMonitor, asked_to_stop: bool) -> str:
+def _excuse(monitor: RunMonitor, asked_to_stop: bool, started: bool) -> str:
+    if asked_to_stop and started:
+        bag = monitor.status[RECORDER].values.get("bag", "") if RECORDER in monitor.status else ""
+        return f"stopped without waiting for the end of the recording; what was recorded is in {bag or 'no bag'}"
     if asked_to_stop:
         return "stopped before the test had begun"
     substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
