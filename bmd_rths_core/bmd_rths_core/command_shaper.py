@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
 
@@ -100,6 +103,23 @@ class CommandShaper:
         self._z1 = self._b1 * desired_acceleration - self._a1 * command + self._z2
         self._z2 = self._b2 * desired_acceleration - self._a2 * command
         return command
+
+    def state_space(self) -> DiscreteStateSpace:
+        """Return the stage as a linear system.
+
+        Returns
+        -------
+        DiscreteStateSpace
+            Input desired acceleration, output command [m/s²].
+        """
+        if not self._active:
+            return DiscreteStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+        return DiscreteStateSpace(
+            a=np.array([[-self._a1, 1.0], [-self._a2, 0.0]]),
+            b=np.array([[self._b1 - self._a1 * self._b0], [self._b2 - self._a2 * self._b0]]),
+            c=np.array([[1.0, 0.0]]),
+            d=np.array([[self._b0]]),
+        )
 
 
 def transfer_function(config: CommandShaperConfig) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -7,11 +7,30 @@ exponential (Van Loan, "Computing integrals involving the matrix exponential", I
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
 FloatArray = NDArray[np.float64]
+
+
+class DiscreteStateSpace(NamedTuple):
+    """A stage of the loop as a linear system, x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], at rest before step 0.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n, n)
+    b : ndarray, shape (n, m)
+    c : ndarray, shape (p, n)
+    d : ndarray, shape (p, m)
+    """
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
 
 
 def zero_order_hold(a: FloatArray, b: FloatArray, time_step: float) -> tuple[FloatArray, FloatArray]:

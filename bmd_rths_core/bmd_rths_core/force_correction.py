@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.parameters import check_parameters, parameter
 
 
@@ -68,3 +71,14 @@ class ForceCorrection:
             f − g f_c [N].
         """
         return interface_force - self._gain * (required_force - interface_force)
+
+    def state_space(self) -> DiscreteStateSpace:
+        """Return the stage as a linear system, without a state.
+
+        Returns
+        -------
+        DiscreteStateSpace
+            Inputs required force and shear, output shear fed back [N].
+        """
+        gains = np.array([[-self._gain, 1.0 + self._gain]])
+        return DiscreteStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), gains)

@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from bmd_rths_core.discretisation import first_order_hold
+from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding, stories
 
@@ -131,3 +131,25 @@ class NumericalSubstructure:
         restoring = float(self._restoring.dot(state))
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+    def state_space(self) -> DiscreteStateSpace:
+        """Return the stage as a linear system.
+
+        Returns
+        -------
+        DiscreteStateSpace
+            Inputs a_g [m/s²] and shear fed back [N]; outputs desired acceleration [m/s²] and required force [N]. The
+            state is motion and inputs of the step before. A first ground acceleration of 0 is assumed: `step` has no
+            interval before step 0 over which it could act.
+        """
+        n, m = len(self._state), self._interface_mass
+        of_past, of_input = self._transition[:, : n + 2], self._transition[:, n + 2 :]
+        # Desired acceleration (f − r x) / m, and required force, for the state x of this step.
+        of_motion = np.outer([-1.0 / m, 0.0], self._restoring)
+        of_force = np.array([[0.0, 1.0 / m], [0.0, 1.0]])
+        return DiscreteStateSpace(
+            a=np.vstack((of_past, np.zeros((2, n + 2)))),
+            b=np.vstack((of_input, np.eye(2))),
+            c=of_motion @ of_past,
+            d=of_motion @ of_input + of_force,
+        )

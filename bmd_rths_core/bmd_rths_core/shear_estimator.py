@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from bmd_rths_core.discretisation import first_order_hold, zero_order_hold
+from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
@@ -102,6 +102,29 @@ class ShearEstimator:
         self._filter.predict_steadystate(self._input, self._input_matrix)
         self._filter.update_steadystate(measurement.floor_accelerations)
         return float(self._shear_row.dot(self._filter.x))
+
+    def state_space(self) -> DiscreteStateSpace:
+        """Return the stage as a linear system.
+
+        Returns
+        -------
+        DiscreteStateSpace
+            Inputs table acceleration, n floor accelerations [m/s²] and load cells [N]; output shear [N]. The state is
+            the estimate and the table acceleration of the step before.
+        """
+        kalman = self._filter
+        size, n = kalman.dim_x, kalman.dim_z
+        if self._from_load_cell:
+            load_cell = np.append(np.zeros(n + 1), 1.0)[None, :]
+            return DiscreteStateSpace(np.zeros((0, 0)), np.zeros((0, n + 2)), np.zeros((1, 0)), load_cell)
+        # Update after prediction: x + K (z − H x) with the predicted x.
+        correction = np.eye(size) - kalman.K @ kalman.H
+        before, now = (correction @ column[:, None] for column in self._input_matrix.T)
+        a = np.vstack((np.hstack((correction @ kalman.F, before)), np.zeros((1, size + 1))))
+        b = np.vstack((np.hstack((now, kalman.K, np.zeros((size, 1)))), np.eye(1, n + 2)))
+        # The shear is that of the new estimate, which is the state after this step.
+        shear = np.append(self._shear_row, 0.0)[None, :]
+        return DiscreteStateSpace(a, b, shear @ a, shear @ b)
 
 
 def kalman_filter(

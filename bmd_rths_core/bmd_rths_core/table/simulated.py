@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import zero_order_hold
+from bmd_rths_core.discretisation import DiscreteStateSpace, zero_order_hold
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding
@@ -189,6 +189,37 @@ class SimulatedTable:
     def close(self) -> None:
         """Refuse further commands; there is nothing to release."""
         self._connected = False
+
+    def state_space(self) -> DiscreteStateSpace:
+        """Return table and specimen as a linear system, without noise, quantisation and table displacement.
+
+        Returns
+        -------
+        DiscreteStateSpace
+            Input acceleration command; outputs accelerations of table and n floors [m/s²] and base shear [N]. The
+            state is that of the model without the two integrators of the displacement, which nothing depends on, and
+            the past commands, the newest first.
+        """
+        size, past = len(self._phi) - 2, self._delay_steps + 1
+        # Commands that act in the second and in the first part of this step, of the past ones and the present one.
+        commands = np.eye(past + 1)
+        newer, older = commands[self._delay_steps], commands[past]
+        of_commands = np.outer(self._newer[:size], newer) + np.outer(self._older[:size], older)
+        a = np.zeros((size + past, size + past))
+        b = np.zeros((size + past, 1))
+        a[:size, :size] = self._phi[:size, :size]
+        b[:size], a[:size, size:] = of_commands[:, :1], of_commands[:, 1:]
+        b[size:], a[size:, size:] = commands[:past, :1], commands[:past, 1:]
+        sensors = np.vstack((np.eye(len(self._masses) + 1), np.append(0.0, -self._masses)))
+        # The sensors are read at the end of the step, when the state is the next one.
+        of_state = sensors @ self._output[:-1, :size]
+        of_command = np.outer(sensors @ self._feedthrough[:-1], newer)
+        return DiscreteStateSpace(
+            a=a,
+            b=b,
+            c=of_state @ a[:size] + np.hstack((np.zeros((len(sensors), size)), of_command[:, 1:])),
+            d=of_state @ b[:size] + of_command[:, :1],
+        )
 
     def _advance(self, acceleration: float) -> TableMeasurement:
         line = self._line
