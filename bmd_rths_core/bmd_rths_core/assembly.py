@@ -5,6 +5,7 @@ from __future__ import annotations
 from bmd_rths_core.command_shaper import CommandShaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.force_correction import ForceCorrection
+from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.safety import CommandLimit
 from bmd_rths_core.shear_estimator import ShearEstimator
@@ -12,14 +13,16 @@ from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.simulated import SimulatedTable
 
 
-def make_numerical_substructure(config: Config) -> NumericalSubstructure:
-    """Return the numerical substructure of a configuration.
+def make_numerical_substructure(config: Config) -> NumericalSubstructure | NonlinearSubstructure:
+    """Return the numerical substructure of a configuration: linear and exact, or integrated explicitly.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
     """
+    if config.nonlinear.integration != "exact":
+        return NonlinearSubstructure(config.numerical_substructure, config.nonlinear, config.run.time_step)
     return NumericalSubstructure(config.numerical_substructure, config.run.time_step)
 
 

@@ -14,6 +14,8 @@ from bmd_rths_core.command_shaper import CommandShaperConfig
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.force_correction import ForceCorrectionConfig
 from bmd_rths_core.ground_motion.selection import GroundMotionConfig
+from bmd_rths_core.nonlinear_building import NonlinearConfig
+from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.numerical_substructure import NumericalSubstructureConfig
 from bmd_rths_core.parameters import build_section, check_parameters, parameter
 from bmd_rths_core.safety import SafetyConfig
@@ -109,7 +111,7 @@ class Config:
 
     Parameters
     ----------
-    run, ground_motion, numerical_substructure, specimen, command_shaper, safety, table, simulated_table,
+    run, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table, simulated_table,
     shear_estimator, force_correction, recorder
         See the section classes.
     """
@@ -117,6 +119,7 @@ class Config:
     run: RunConfig = dataclasses.field(default_factory=RunConfig)
     ground_motion: GroundMotionConfig = dataclasses.field(default_factory=GroundMotionConfig)
     numerical_substructure: NumericalSubstructureConfig = dataclasses.field(default_factory=NumericalSubstructureConfig)
+    nonlinear: NonlinearConfig = dataclasses.field(default_factory=NonlinearConfig)
     specimen: SpecimenConfig = dataclasses.field(default_factory=SpecimenConfig)
     command_shaper: CommandShaperConfig = dataclasses.field(default_factory=CommandShaperConfig)
     safety: SafetyConfig = dataclasses.field(default_factory=SafetyConfig)
@@ -125,6 +128,11 @@ class Config:
     shear_estimator: ShearEstimatorConfig = dataclasses.field(default_factory=ShearEstimatorConfig)
     force_correction: ForceCorrectionConfig = dataclasses.field(default_factory=ForceCorrectionConfig)
     recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)
+
+    def __post_init__(self) -> None:
+        """Check what several sections have to agree on: lists of one entry a story, stability of the integration."""
+        if self.nonlinear.integration != "exact":
+            NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.run.time_step)
 
     @property
     def scheme(self) -> Scheme:

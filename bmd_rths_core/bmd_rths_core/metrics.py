@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config, config_from_mapping
+from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.reference import reference_response
+from bmd_rths_core.reference import nonlinear_reference_response, reference_response
 
 FloatArray = NDArray[np.float64]
 
@@ -137,8 +138,13 @@ def reference_of(record: RunRecord, config: Config) -> FloatArray:
     ndarray, shape (N, n)
         Absolute acceleration of every floor of the whole building at the steps [m/s²].
     """
-    building = config.specimen.building().stacked_on(config.numerical_substructure.building())
-    return reference_response(building, np.nan_to_num(record.ground_acceleration), record.time_step)
+    lower, upper = config.numerical_substructure.building(), config.specimen.building()
+    ground = np.nan_to_num(record.ground_acceleration)
+    if config.nonlinear.linear_chain:
+        return reference_response(upper.stacked_on(lower), ground, record.time_step)
+    return nonlinear_reference_response(
+        nonlinear_building(lower, config.nonlinear).below(upper), ground, record.time_step
+    )
 
 
 #: Signals that every step of a complete recording has; sensors a laboratory lacks are NaN by design.

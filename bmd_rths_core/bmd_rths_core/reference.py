@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.discretisation import first_order_hold
+from bmd_rths_core.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
@@ -36,4 +37,60 @@ def reference_response(building: ShearBuilding, ground_acceleration: FloatArray,
     for k in range(1, len(ground_acceleration)):
         state = phi @ state + gamma_0[:, 0] * ground_acceleration[k - 1] + gamma_1[:, 0] * ground_acceleration[k]
         response[k] = c @ state
+    return response
+
+
+def nonlinear_reference_response(
+    building: NonlinearBuilding, ground_acceleration: FloatArray, time_step: float, substeps: int = 10
+) -> FloatArray:
+    """Return the absolute floor accelerations of a non-linear building on the ground.
+
+    Parameters
+    ----------
+    building : NonlinearBuilding
+        The whole building, n floors, in its virgin state.
+    ground_acceleration : ndarray, shape (N,)
+        a_g [m/s²], linear between the steps.
+    time_step : float
+        Δt [s].
+    substeps : int
+        Sub-steps of each step.
+
+    Returns
+    -------
+    ndarray, shape (N, n)
+        ü + ü_g at the steps, from rest at step 0 [m/s²].
+
+    Notes
+    -----
+    Pseudo-force method: the building with its initial stiffness K is propagated exactly, and what the stories
+    deviate from it, q = K u − r(u), is a load that is linear over a sub-step: extrapolated to predict u, then corrected
+    once. The method has second order, and is exact as long as no story deviates: then it is `reference_response`.
+    """
+    n = len(building.masses)
+    inverse_mass = 1.0 / building.masses[:, None]
+    stiffness = building.initial_stiffness_matrix
+    motion = -inverse_mass * np.hstack((stiffness, building.damping_matrix))
+    a = np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), motion))
+    b = np.vstack((np.zeros((n, n + 1)), np.hstack((-np.ones((n, 1)), np.diag(inverse_mass[:, 0])))))
+    phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step / substeps)
+    propagate = np.hstack((phi, gamma_0, gamma_1))
+    correct = gamma_1[:, 1:]
+    stories = building.stories()
+    stories.reset()
+    state, deviation, last_deviation = np.zeros(2 * n), np.zeros(n), np.zeros(n)
+    response = np.zeros((len(ground_acceleration), n))
+    fine = np.interp(
+        np.arange((len(ground_acceleration) - 1) * substeps + 1) / substeps,
+        np.arange(len(ground_acceleration)),
+        ground_acceleration,
+    )
+    for i in range(1, len(fine)):
+        extrapolated = 2.0 * deviation - last_deviation
+        state = propagate @ np.concatenate((state, fine[i - 1 : i], deviation, fine[i : i + 1], extrapolated))
+        last_deviation = deviation
+        deviation = stiffness @ state[:n] - stories.floor_forces(state[:n])
+        state += correct @ (deviation - extrapolated)
+        if i % substeps == 0:
+            response[i // substeps] = motion @ state + inverse_mass[:, 0] * deviation
     return response

@@ -36,7 +36,7 @@ MISS_REPORT_PERIOD = 0.1
 
 
 class NumericalSubstructureNode(StageNode):
-    """Node around `bmd_rths_core.numerical_substructure.NumericalSubstructure`.
+    """Node around `NumericalSubstructure` or `NonlinearSubstructure` of the core.
 
     It waits until every node of the loop reports that it is matched with its peers, runs the ground motion from step 0
     to its end, and then tells on /diagnostics how the test ended. In real time each step begins at its time on the
@@ -44,7 +44,7 @@ class NumericalSubstructureNode(StageNode):
     """
 
     ROLE = NUMERICAL_SUBSTRUCTURE
-    SECTIONS = ("run", "ground_motion", "numerical_substructure")
+    SECTIONS = ("run", "ground_motion", "numerical_substructure", "nonlinear")
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""

@@ -1,0 +1,100 @@
+"""Numerical substructure with hysteretic stories, any damping and P-Delta, integrated explicitly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.explicit_integration import (
+    ExplicitIntegrator,
+    IntegrationParameters,
+    SystemMatrices,
+    chen_ricles,
+    explicit_newmark,
+    kolay_ricles,
+)
+from bmd_rths_core.nonlinear_building import NonlinearConfig, nonlinear_building
+from bmd_rths_core.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
+
+
+class NonlinearSubstructure:
+    """Integrate the non-linear numerical substructure; takes the place of `NumericalSubstructure`.
+
+    Parameters
+    ----------
+    config : NumericalSubstructureConfig
+        Masses, initial stiffnesses and damping coefficients.
+    nonlinear : NonlinearConfig
+        Springs, damping, P-Delta and integration; an integration other than exact.
+    time_step : float
+        Δt [s].
+
+    Raises
+    ------
+    InputError
+        The two sections do not fit together, or the integration is not stable with this time step.
+
+    Notes
+    -----
+    Displacement and velocity come from the integration, the acceleration of every method from the equation of motion at
+    the end of the step, as for the linear substructure: the required force is the shear fed back.
+    """
+
+    def __init__(self, config: NumericalSubstructureConfig, nonlinear: NonlinearConfig, time_step: float) -> None:
+        building = nonlinear_building(config.building(), nonlinear)
+        system = building.system()
+        parameters = _integration_parameters(system, nonlinear, time_step)
+        self._stories = building.stories()
+        self._integrator = ExplicitIntegrator(parameters, system.mass, system.damping, self._stories.floor_forces)
+        self._masses = building.masses
+        self._interface_mass = float(building.masses[-1])
+        self._interface_damping = system.damping[-1].copy()
+        self._load = np.zeros(len(self._masses))
+        self._started = False
+
+    def reset(self) -> None:
+        """Return to rest and to virgin stories before step 0."""
+        self._stories.reset()
+        self._started = False
+
+    def step(self, ground_acceleration: float, feedback_force: float) -> NumericalResponse:
+        """Advance to the next step.
+
+        Parameters
+        ----------
+        ground_acceleration : float
+            a_g of this step [m/s²].
+        feedback_force : float
+            Interface shear fed back at the last step [N].
+
+        Returns
+        -------
+        NumericalResponse
+            Interface response at this step. The first call is step 0, at rest.
+        """
+        load, integrator = self._load, self._integrator
+        np.multiply(self._masses, -ground_acceleration, out=load)
+        load[-1] += feedback_force
+        if self._started:
+            integrator.step(load)
+        else:
+            integrator.start(load)
+            self._started = True
+        restoring = float(self._interface_damping.dot(integrator.velocity)) + float(integrator.restoring[-1])
+        acceleration = (feedback_force - restoring) / self._interface_mass
+        return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+
+def _integration_parameters(
+    system: SystemMatrices, nonlinear: NonlinearConfig, time_step: float
+) -> IntegrationParameters:
+    if nonlinear.integration == "cr":
+        return chen_ricles(system, time_step)
+    if nonlinear.integration == "kr_alpha":
+        return kolay_ricles(system, time_step, nonlinear.rho_infinity)
+    if nonlinear.integration == "newmark_explicit":
+        try:
+            return explicit_newmark(system, time_step)
+        except InputError as error:
+            raise InputError(f"nonlinear.integration: {error}") from error
+    raise ValueError("exact integration is that of NumericalSubstructure")
