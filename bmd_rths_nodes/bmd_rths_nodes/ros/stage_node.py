@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, ClassVar
@@ -36,7 +37,7 @@ FAREWELL_TIMEOUT = 1.0
 _TAKING_PART = (status.WAITING, status.READY, status.RUNNING)
 
 
-class StageNode(LifecycleNode):
+class StageNode(LifecycleNode, ABC):
     """A managed node around one stage: converts in, calls the stage, converts out, publishes.
 
     Subclasses name their role and sections, make their stage and topics in `configure_stage`, and forget the past in
@@ -70,9 +71,9 @@ class StageNode(LifecycleNode):
 
     # ---- for subclasses
 
+    @abstractmethod
     def configure_stage(self, config: Config) -> None:
         """Make stage, publishers and subscriptions; may raise InputError."""
-        raise NotImplementedError(f"{type(self).__name__} must make its stage")
 
     def reset_stage(self) -> None:
         """Return the stage to rest, before step 0."""
