@@ -38,7 +38,7 @@ def environment(tmp_path):
     """Return an environment in which this checkout cannot be imported."""
     ours = ("PYTHONPATH", "PYTHONHOME", WHEELS_STARTED)
     paths = [Path(path) for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
-    elsewhere = [str(path) for path in paths if ROOT not in (path, *path.parents)]
+    elsewhere = [str(path) for path in paths if not any((path / package).is_dir() for package in PACKAGES)]
     return {
         **{name: value for name, value in os.environ.items() if name not in ours},
         "PYTHONPATH": os.pathsep.join(elsewhere),
