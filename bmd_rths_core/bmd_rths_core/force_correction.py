@@ -13,7 +13,7 @@ from bmd_rths_core.parameters import check_parameters, parameter
 
 @dataclass(frozen=True)
 class ForceCorrectionConfig:
-    """How much of the unbalanced force is corrected at once."""
+    """How much of the shear is fed back, and how much of the unbalanced force is corrected at once."""
 
     SECTION: ClassVar[str] = "force_correction"
 
@@ -23,6 +23,16 @@ class ForceCorrectionConfig:
         unit="1",
         source="docs/decisions/0003: 1 is the text of the paper and accumulates noise at the Nyquist frequency",
         lower=0.0,
+        upper=1.0,
+    )
+
+    feedback_scale: float = parameter(
+        1.0,
+        description="Share of the interface shear that drives the numerical substructure, in every scheme",
+        unit="1",
+        source="Chen et al. 2020: 0.3 for the 8-story system; 1 is the whole building",
+        lower=0.0,
+        lower_open=True,
         upper=1.0,
     )
 
@@ -37,20 +47,22 @@ class ForceCorrection:
     Parameters
     ----------
     config : ForceCorrectionConfig
-        Gain.
+        Gain and feedback scale.
     active : bool
-        False feeds the shear back unchanged (schemes without force correction).
+        False feeds the scaled shear back without correction (schemes without force correction).
 
     Notes
     -----
-    With the correction force of Eq. 11, f_c = m (ü + ü_g) + c u̇ + k u − f, the shear fed back is f − g f_c. As the
-    integration balances Eq. 4 exactly, the required force is the shear fed back at the step before, and the correction
-    is the filter (1 + g) / (1 + g z⁻¹): unit gain and a lead of g / (1 + g) steps at low frequency, gain
-    (1 + g) / (1 − g) at the Nyquist frequency.
+    With the feedback scale s, the numerical substructure feels s f: a specimen with s times its mass, stiffness and
+    damping. With the correction force of Eq. 11, f_c = m (ü + ü_g) + c u̇ + k u − s f, the shear fed back is s f − g
+    f_c. As the integration balances Eq. 4 exactly, the required force is the shear fed back at the step before, and the
+    correction is the filter (1 + g) / (1 + g z⁻¹): unit gain and a lead of g / (1 + g) steps at low frequency, gain (1
+    + g) / (1 − g) at the Nyquist frequency.
     """
 
     def __init__(self, config: ForceCorrectionConfig, active: bool) -> None:
         self._gain = config.gain if active else 0.0
+        self._scale = config.feedback_scale
 
     def reset(self) -> None:
         """Nothing to forget: the memory of the correction is the required force."""
@@ -68,9 +80,10 @@ class ForceCorrection:
         Returns
         -------
         float
-            f − g f_c [N].
+            s f − g f_c [N].
         """
-        return interface_force - self._gain * (required_force - interface_force)
+        shear = self._scale * interface_force
+        return shear - self._gain * (required_force - shear)
 
     def state_space(self) -> DiscreteStateSpace:
         """Return the stage as a linear system, without a state.
@@ -80,5 +93,5 @@ class ForceCorrection:
         DiscreteStateSpace
             Inputs required force and shear, output shear fed back [N].
         """
-        gains = np.array([[-self._gain, 1.0 + self._gain]])
+        gains = np.array([[-self._gain, (1.0 + self._gain) * self._scale]])
         return DiscreteStateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), gains)

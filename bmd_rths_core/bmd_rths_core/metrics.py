@@ -137,8 +137,14 @@ def reference_of(record: RunRecord, config: Config) -> FloatArray:
     -------
     ndarray, shape (N, n)
         Absolute acceleration of every floor of the whole building at the steps [m/s²].
+
+    Notes
+    -----
+    With a feedback scale below 1 the loop is another building, whose upper part has that share of its mass, stiffness
+    and damping; the reference is that building.
     """
-    lower, upper = config.numerical_substructure.building(), config.specimen.building()
+    lower = config.numerical_substructure.building()
+    upper = config.specimen.building().scaled(config.force_correction.feedback_scale)
     ground = np.nan_to_num(record.ground_acceleration)
     if config.nonlinear.linear_chain:
         return reference_response(upper.stacked_on(lower), ground, record.time_step)

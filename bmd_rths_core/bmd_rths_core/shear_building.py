@@ -123,6 +123,21 @@ class ShearBuilding:
             lower.damping_coefficients + self.damping_coefficients,
         )
 
+    def scaled(self, factor: float) -> ShearBuilding:
+        """Return the building with all masses, stiffnesses and damping coefficients multiplied by one factor.
+
+        Parameters
+        ----------
+        factor : float
+            Factor > 0. Frequencies and damping ratios stay; every force is multiplied.
+
+        Returns
+        -------
+        ShearBuilding
+        """
+        values = (self.masses, self.stiffnesses, self.damping_coefficients)
+        return ShearBuilding(*(tuple(factor * entry for entry in entries) for entries in values))
+
     def modes(self) -> Modes:
         """Return the undamped modes.
 

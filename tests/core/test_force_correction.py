@@ -5,8 +5,13 @@ import pytest
 from scipy.signal import lfilter
 
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.force_correction import ForceCorrection, ForceCorrectionConfig
+from bmd_rths_core.ground_motion.selection import GroundMotionConfig, select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.metrics import reference_of
 from bmd_rths_core.numerical_substructure import NumericalSubstructure
+from bmd_rths_core.stability.discrete import configured_mass_ratio
 
 
 def test_unbalanced_force_is_subtracted_with_the_gain():
@@ -31,3 +36,34 @@ def test_correction_in_the_loop_is_the_documented_filter(gain):
         required = substructure.step(0.0, fed_back[-1]).required_force
         fed_back.append(stage.step(required, shear))
     assert fed_back[1:] == pytest.approx(lfilter([1.0 + gain], [1.0, gain], measured), abs=1e-6)
+
+
+def test_scaled_shear_is_corrected_to_the_force_the_substructure_requires():
+    stage = ForceCorrection(ForceCorrectionConfig(gain=0.25, feedback_scale=0.5), active=True)
+    # 50 N of 100 N are fed back; 70 N required: f_c = 20 N.
+    assert stage.step(required_force=70.0, interface_force=100.0) == 45.0
+
+
+@pytest.mark.parametrize("scheme", ["uc", "fc", "plc", "plc_fc"])
+def test_feedback_scale_is_a_lighter_specimen(scheme):
+    """A share s of the shear is the shear of a specimen with s times the mass, stiffness and damping."""
+    whole = Config().changed(run__scheme=scheme, force_correction__feedback_scale=0.3)
+    building = whole.specimen.building().scaled(0.3)
+    light = Config().changed(
+        run__scheme=scheme,
+        specimen__masses=building.masses,
+        specimen__stiffnesses=building.stiffnesses,
+        specimen__damping_coefficients=building.damping_coefficients,
+    )
+    assert configured_mass_ratio(whole) == pytest.approx(configured_mass_ratio(light), rel=1e-12)
+    motion = select_ground_motion(GroundMotionConfig(duration=4.0), 0.005)
+    runs = [RthsLoop(config, motion).run() for config in (whole, light)]
+    assert runs[0].desired_acceleration == pytest.approx(runs[1].desired_acceleration, rel=1e-9, abs=1e-9)
+    references = [reference_of(run, config) for run, config in zip(runs, (whole, light), strict=True)]
+    assert references[0] == pytest.approx(references[1], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [0.0, -0.1, 1.1])
+def test_feedback_scale_out_of_range_is_refused(scale):
+    with pytest.raises(InputError, match=r"force_correction.feedback_scale.*> 0 and <= 1 is required"):
+        ForceCorrectionConfig(feedback_scale=scale)

@@ -157,7 +157,7 @@ def with_mass_ratio(config: Config, ratio: float) -> Config:
     config : Config
         The whole configuration.
     ratio : float
-        ρ of Eq. 8 with first effective modal masses, > 0 and < 1.
+        ρ as `configured_mass_ratio` has it, > 0 and < 1.
 
     Returns
     -------
@@ -172,8 +172,7 @@ def with_mass_ratio(config: Config, ratio: float) -> Config:
     if not 0.0 < ratio < 1.0:
         raise InputError(f"mass ratio: {ratio:g} is not allowed; > 0 and < 1 is required")
     numerical = config.numerical_substructure
-    experimental_mass = first_effective_mass(config.specimen.building())
-    factor = experimental_mass * (1.0 - ratio) / ratio / first_effective_mass(numerical.building())
+    factor = _fed_back_mass(config) * (1.0 - ratio) / ratio / first_effective_mass(numerical.building())
     scaled = {
         name: tuple(factor * value for value in getattr(numerical, name))
         for name in ("masses", "stiffnesses", "damping_coefficients")
@@ -192,10 +191,10 @@ def configured_mass_ratio(config: Config) -> float:
     Returns
     -------
     float
-        ρ with first effective modal masses.
+        ρ with first effective modal masses; that of the experimental substructure counts as far as its shear is fed
+        back (``force_correction.feedback_scale``).
     """
-    masses = (config.specimen.building(), config.numerical_substructure.building())
-    return mass_ratio(*(first_effective_mass(building) for building in masses))
+    return mass_ratio(_fed_back_mass(config), first_effective_mass(config.numerical_substructure.building()))
 
 
 def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO, points: int = SCAN_POINTS) -> StabilityMargin:
@@ -255,3 +254,7 @@ def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO, points:
     if not stable[0]:
         return StabilityMargin(0.0, np.nan, tuple(intervals))
     return StabilityMargin(intervals[0].upper, intervals[0].upper_frequency, tuple(intervals))
+
+
+def _fed_back_mass(config: Config) -> float:
+    return config.force_correction.feedback_scale * first_effective_mass(config.specimen.building())

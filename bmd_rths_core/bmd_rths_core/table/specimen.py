@@ -39,6 +39,23 @@ class SpecimenConfig:
         lower=0.0,
     )
 
+    identified_frequency: float = parameter(
+        37.31,
+        description="Identified natural frequency of the first mode, for stability analyses with one mode; "
+        "0 takes that of the stories",
+        unit="rad/s",
+        source="Chen et al. 2020: 5.94 Hz",
+        lower=0.0,
+    )
+    identified_damping_ratio: float = parameter(
+        0.0214,
+        description="Identified damping ratio of the first mode, for stability analyses with one mode; "
+        "0 takes that of the stories",
+        unit="1",
+        source="Chen et al. 2020: 2.14 %",
+        lower=0.0,
+    )
+
     def __post_init__(self) -> None:
         """Check the values."""
         check_parameters(self)
