@@ -13,6 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
+EIGHT_STORY = ROOT / "config" / "eight_story_bmd.yaml"
 
 _domains = itertools.count(os.getpid() % 90)
 

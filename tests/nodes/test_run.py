@@ -18,11 +18,11 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.schemes import SCHEME_NAMES
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
-from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
+from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain, wait_until
 
 
-def in_process(**changes):
-    config = load_config(CONFIG).changed(**changes)
+def in_process(path=CONFIG, **changes):
+    config = load_config(path).changed(**changes)
     return RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
 
 
@@ -64,6 +64,23 @@ def test_composed_lockstep_equals_the_loop_in_process(bmd_rths, tmp_path):
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=4.0", "--output", tmp_path, "--json")
     result = finished(bmd_rths("run", CONFIG, *arguments))
     assert read_bag(result["bag"]).same_signals(in_process(ground_motion__duration=4.0))
+
+
+@pytest.mark.parametrize("substructure", ["linear", "yielding"])
+def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd_rths, tmp_path, substructure):
+    changes = {"ground_motion.duration": 5.0, "force_correction.feedback_scale": 0.05}
+    if substructure == "yielding":
+        changes |= {
+            "nonlinear.story_model": "bilinear",
+            "nonlinear.integration": "kr_alpha",
+            "nonlinear.yield_drifts": [0.0005, 0.0005, 0.0005],
+        }
+    settings = [argument for key, value in changes.items() for argument in ("--set", f"{key}={json.dumps(value)}")]
+    result = finished(bmd_rths("run", EIGHT_STORY, "--lockstep", *settings, "--output", tmp_path, "--json"))
+    record = read_bag(result["bag"])
+    assert record.floor_accelerations.shape == (1001, 5)
+    expected = in_process(EIGHT_STORY, **{key.replace(".", "__"): value for key, value in changes.items()})
+    assert record.same_signals(expected)
 
 
 def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
