@@ -204,6 +204,24 @@ def amplification_matrix(
     return np.vstack((displacement, velocity, acceleration, unbalance))
 
 
+def load_matrix(parameters: IntegrationParameters) -> FloatArray:
+    """Return what a load at the end of a step adds to [u, u̇, ü, g] there.
+
+    Parameters
+    ----------
+    parameters : IntegrationParameters
+        The method.
+
+    Returns
+    -------
+    ndarray, shape (4n, n)
+        Per unit of load; with `amplification_matrix` it makes the linear system of the method.
+    """
+    p, one = parameters, np.eye(len(parameters.effective_mass))
+    acceleration = (1.0 - p.alpha_f) * np.linalg.inv(p.effective_mass)
+    return np.vstack((np.zeros_like(one), p.velocity_correction @ acceleration, acceleration, one))
+
+
 class ExplicitIntegrator:
     """Integrate a system from rest.
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.explicit_integration import (
     ExplicitIntegrator,
     IntegrationParameters,
     SystemMatrices,
+    amplification_matrix,
     chen_ricles,
     explicit_newmark,
     kolay_ricles,
+    load_matrix,
 )
 from bmd_rths_core.nonlinear_building import NonlinearConfig, nonlinear_building
 from bmd_rths_core.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
@@ -44,6 +47,8 @@ class NonlinearSubstructure:
         building = nonlinear_building(config.building(), nonlinear)
         system = building.system()
         parameters = _integration_parameters(system, nonlinear, time_step)
+        self._system, self._parameters = system, parameters
+        self._initial_stiffness = building.initial_stiffness_matrix
         self._stories = building.stories()
         self._integrator = ExplicitIntegrator(parameters, system.mass, system.damping, self._stories.floor_forces)
         self._masses = building.masses
@@ -83,6 +88,29 @@ class NonlinearSubstructure:
         restoring = float(self._interface_damping.dot(integrator.velocity)) + float(integrator.restoring[-1])
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+    def state_space(self) -> DiscreteStateSpace:
+        """Return the stage as a linear system: small motion about rest, as long as no story leaves its first tangent.
+
+        Returns
+        -------
+        DiscreteStateSpace
+            Inputs and outputs as `NumericalSubstructure.state_space` has them. The state is that of the integration,
+            displacement, velocity, acceleration and unbalanced force over mass. A first load of 0 is assumed.
+        """
+        n, m = len(self._masses), self._interface_mass
+        # Forces over masses in the state: it does not depend on how heavy the substructure is.
+        scale = np.ones(4 * n)
+        scale[3 * n :] = self._masses
+        a = amplification_matrix(self._parameters, self._system, self._initial_stiffness) * scale / scale[:, None]
+        load = np.vstack((-self._masses, np.eye(1, n, n - 1)[0])).T
+        b = load_matrix(self._parameters) @ load / scale[:, None]
+        restoring = np.concatenate((self._initial_stiffness[-1], self._interface_damping, np.zeros(2 * n)))
+        # Desired acceleration (f − r x) / m, and the required force, which is f, for the state x of this step.
+        of_motion = np.outer([-1.0 / m, 0.0], restoring)
+        return DiscreteStateSpace(
+            a=a, b=b, c=of_motion @ a, d=of_motion @ b + np.array([[0.0, 1.0 / m], [0.0, 1.0]])
+        )
 
 
 def _integration_parameters(

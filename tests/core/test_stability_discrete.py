@@ -32,6 +32,18 @@ THREE_STORIES = {
     "numerical_substructure__stiffnesses": [9e7, 8e7, 6e7],
     "numerical_substructure__damping_coefficients": [9e4, 6e4, 4e4],
 }
+#: Explicit integrations of stories that stay elastic under the pulse.
+EXPLICIT = {
+    "cr": {"nonlinear__integration": "cr", "nonlinear__damping": "modal", "nonlinear__damping_ratios": [0.02]},
+    "kr_alpha": {
+        "nonlinear__integration": "kr_alpha",
+        "nonlinear__story_model": "bilinear",
+        "nonlinear__yield_drifts": [1.0, 1.0, 1.0],
+        "nonlinear__gravity_loads": [4e5, 3e5, 2e5],
+        "nonlinear__story_heights": [1.1, 1.1, 1.1],
+    },
+    "newmark_explicit": {"nonlinear__integration": "newmark_explicit"},
+}
 #: Stable up to 0.789, and once more from 0.843 to 0.861.
 CONDITIONAL = {
     "run__scheme": "plc",
@@ -85,6 +97,17 @@ def test_linear_system_of_several_stories_equals_the_loop():
     assert np.abs(ours - record.corrected_force).max() <= 1e-10 * np.abs(record.corrected_force).max()
 
 
+@pytest.mark.parametrize("integration", EXPLICIT)
+def test_linear_system_of_an_explicit_integration_equals_the_loop(integration):
+    """As long as no story yields, the bilinear stories are linear; P-Delta and modal damping are in the matrices."""
+    config = QUIET.changed(**THREE_STORIES, **EXPLICIT[integration])
+    record = RthsLoop(config, pulse(600)).run()
+    ours = closed_loop(config).simulate(pulse(600).acceleration)
+    for name in ("desired_acceleration", "required_force", "corrected_force"):
+        theirs = getattr(record, name)
+        assert np.abs(ours[name] - theirs).max() <= 1e-10 * np.abs(theirs).max(), name
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -95,6 +118,8 @@ def test_linear_system_of_several_stories_equals_the_loop():
         {"run__scheme": "plc_fc"},
         {"run__scheme": "plc_fc", **TABLES["perfect, delayed"]},
         {"run__scheme": "uc", **THREE_STORIES},
+        {"run__scheme": "uc", **THREE_STORIES, **EXPLICIT["cr"]},
+        {"run__scheme": "plc_fc", **THREE_STORIES, **EXPLICIT["kr_alpha"]},
     ],
     ids=lambda changes: " ".join(str(value)[:12] for value in changes.values()),
 )

@@ -23,7 +23,6 @@ from bmd_rths_core.assembly import (
 from bmd_rths_core.config import Config
 from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.shear_building import mass_ratio
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
 from bmd_rths_core.stability.models import first_effective_mass
@@ -98,16 +97,17 @@ def closed_loop(config: Config) -> ClosedLoop:
     Raises
     ------
     InputError
-        The configured table is not the simulated one, or the numerical substructure is not linear.
+        The configured table is not the simulated one.
+
+    Notes
+    -----
+    A yielding numerical substructure is taken as linear about rest, with its own integration.
     """
     table = make_table_controller(config)
     if not isinstance(table, SimulatedTable):
         raise InputError(f"table.controller: {config.table.controller} has no model; simulated is required")
-    numerical = make_numerical_substructure(config)
-    if not isinstance(numerical, NumericalSubstructure):
-        raise InputError("numerical_substructure: not linear; a linear one is required for eigenvalues of the loop")
     stages = {
-        "numerical": numerical.state_space(),
+        "numerical": make_numerical_substructure(config).state_space(),
         "shaper": make_command_shaper(config).state_space(),
         "table": table.state_space(),
         "estimator": make_shear_estimator(config).state_space(),
@@ -162,7 +162,8 @@ def with_mass_ratio(config: Config, ratio: float) -> Config:
     Returns
     -------
     Config
-        Masses, stiffnesses and damping coefficients of the numerical substructure are multiplied by one factor.
+        Masses, stiffnesses, damping coefficients and gravity loads of the numerical substructure are multiplied by one
+        factor.
 
     Raises
     ------
@@ -177,7 +178,12 @@ def with_mass_ratio(config: Config, ratio: float) -> Config:
         name: tuple(factor * value for value in getattr(numerical, name))
         for name in ("masses", "stiffnesses", "damping_coefficients")
     }
-    return dataclasses.replace(config, numerical_substructure=dataclasses.replace(numerical, **scaled))
+    loads = tuple(factor * load for load in config.nonlinear.gravity_loads)
+    return dataclasses.replace(
+        config,
+        numerical_substructure=dataclasses.replace(numerical, **scaled),
+        nonlinear=dataclasses.replace(config.nonlinear, gravity_loads=loads),
+    )
 
 
 def configured_mass_ratio(config: Config) -> float:
