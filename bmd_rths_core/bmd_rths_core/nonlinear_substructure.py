@@ -108,9 +108,7 @@ class NonlinearSubstructure:
         restoring = np.concatenate((self._initial_stiffness[-1], self._interface_damping, np.zeros(2 * n)))
         # Desired acceleration (f − r x) / m, and the required force, which is f, for the state x of this step.
         of_motion = np.outer([-1.0 / m, 0.0], restoring)
-        return DiscreteStateSpace(
-            a=a, b=b, c=of_motion @ a, d=of_motion @ b + np.array([[0.0, 1.0 / m], [0.0, 1.0]])
-        )
+        return DiscreteStateSpace(a=a, b=b, c=of_motion @ a, d=of_motion @ b + np.array([[0.0, 1.0 / m], [0.0, 1.0]]))
 
 
 def _integration_parameters(
