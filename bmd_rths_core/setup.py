@@ -17,5 +17,6 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["numpy", "scipy", "filterpy", "PyYAML"],
+    extras_require={"plots": ["matplotlib"]},
     zip_safe=False,
 )

@@ -23,6 +23,6 @@ setup(
         (f"lib/{NAME}", sorted(glob("scripts/*"))),
     ],
     entry_points={"console_scripts": ["bmd-rths = bmd_rths_nodes.cli.main:main"]},
-    install_requires=["bmd_rths_core", "bmd_rths_msgs_py", "click", "rich", "PyYAML"],
+    install_requires=["bmd_rths_core", "bmd_rths_msgs_py", "click", "matplotlib", "rich", "PyYAML"],
     zip_safe=False,
 )

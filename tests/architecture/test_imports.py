@@ -85,5 +85,7 @@ def test_every_imported_package_is_declared(package):
     setup = ast.parse((ROOT / package / "setup.py").read_text())
     keywords = {keyword.arg: keyword.value for node in ast.walk(setup) for keyword in getattr(node, "keywords", [])}
     pip = set(ast.literal_eval(keywords["install_requires"]))
+    if "extras_require" in keywords:
+        pip = pip.union(*ast.literal_eval(keywords["extras_require"]).values())
     ros = {depend.text for depend in ElementTree.parse(ROOT / package / "package.xml").iter("exec_depend")}
     assert imported_modules(package) <= {MODULE_OF.get(name, name) for name in pip} | ros

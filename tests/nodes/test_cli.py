@@ -82,7 +82,7 @@ def test_unstable_simulation_is_reported_and_has_status_1(run_main):
     assert json.loads(output)["stable"] is False
 
 
-@pytest.mark.parametrize("command", [(), ("run",), ("simulate",), ("analyze",)])
+@pytest.mark.parametrize("command", [(), ("run",), ("simulate",), ("analyze",), ("figures",)])
 def test_help_has_an_example(run_main, command):
     status, output, _ = run_main(*command, "--help")
     assert status == 0

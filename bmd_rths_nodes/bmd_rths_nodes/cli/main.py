@@ -9,6 +9,7 @@ import click
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.version import __version__
 from bmd_rths_nodes.cli.analyze import analyze
+from bmd_rths_nodes.cli.figures import figures
 from bmd_rths_nodes.cli.options import log
 from bmd_rths_nodes.cli.run import run
 from bmd_rths_nodes.cli.simulate import simulate
@@ -26,6 +27,7 @@ def cli() -> None:
 cli.add_command(run)
 cli.add_command(simulate)
 cli.add_command(analyze)
+cli.add_command(figures)
 
 
 def main() -> int:

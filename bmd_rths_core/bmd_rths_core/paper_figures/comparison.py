@@ -1,0 +1,26 @@
+"""A number of this project beside what the paper states about it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Comparison(NamedTuple):
+    """One computed number and the statement of the paper it belongs to.
+
+    Parameters
+    ----------
+    quantity : str
+        What it is, in words.
+    value : float
+        The computed number.
+    unit : str
+        Its unit; ``"1"`` for a ratio.
+    paper : str
+        What the paper states about it, in words.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    paper: str

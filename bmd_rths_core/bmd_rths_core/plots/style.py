@@ -1,0 +1,109 @@
+"""Style of every figure: widths of a journal column, 8 pt, colours that survive greyscale and colour blindness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import matplotlib.style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+#: Width of two columns of a journal [mm].
+DOUBLE_COLUMN = 180.0
+
+#: Resolution of the format that has pixels [dots per inch].
+RESOLUTION = 300
+
+#: Colours of Okabe and Ito (2008).
+BLACK, BLUE, VERMILION, ORANGE = "#000000", "#0072B2", "#D55E00", "#E69F00"
+
+#: Curves, told apart by their dashes where there is no colour; then marked points.
+LINES: tuple[dict[str, Any], ...] = (
+    {"color": BLACK, "linestyle": "-"},
+    {"color": VERMILION, "linestyle": (0, (5, 2))},
+    {"color": BLUE, "linestyle": (0, (5, 1.5, 1, 1.5))},
+)
+MARKERS = ("s", "o", "^")
+
+_STYLE = {
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize", "figure.titlesize", "legend.fontsize"), 8.0),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 8.0),
+    **dict.fromkeys(("xtick.direction", "ytick.direction"), "in"),
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 5.0,
+    "legend.frameon": False,
+    "legend.handlelength": 3.0,
+    "text.parse_math": False,  # a $ in the name of a file is a $
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "bmd_rths",  # the same figure is the same file
+}
+
+
+def style() -> AbstractContextManager[None]:
+    """Return the context in which figures are drawn and written; what a user has set for matplotlib does not matter."""
+    return matplotlib.style.context(["default", _STYLE])
+
+
+def new_figure(height: float, title: str) -> Figure:
+    """Return an empty figure, two columns wide.
+
+    Parameters
+    ----------
+    height : float
+        [mm].
+    title : str
+        Number and content; further lines say what a reader has to know besides.
+
+    Returns
+    -------
+    Figure
+        It belongs to nobody but the caller: there is no list of open figures.
+    """
+    figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height / 25.4))
+    figure.suptitle(title)
+    return figure
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put one legend below all axes, where it covers nothing.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    axes : Axes
+        Axes that have every entry.
+    columns : int
+        Number of columns.
+    """
+    legend = figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=columns)
+    # loc="outside lower center" does this too, but Ubuntu 24.04 has matplotlib 3.6, which does not know it yet.
+    top = legend.get_window_extent().y1 / figure.bbox.height
+    figure.set_layout_engine("constrained", rect=(0.0, top, 1.0, 1.0 - top))
+
+
+def write(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
+    """Write a figure into files.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    stem : Path
+        Path without extension.
+    formats : sequence of str
+        Some of `bmd_rths_core.plots.FORMATS`.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    paths = [stem.with_suffix(f".{name}") for name in formats]
+    for path in paths:
+        figure.savefig(path, dpi=RESOLUTION, metadata={"Date": None} if path.suffix == ".svg" else {})
+    return paths

@@ -1,0 +1,107 @@
+"""Drawn figures: the stated values stand on them, nothing is cut off or covered, and the files are reproducible."""
+
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from xml.etree import ElementTree
+
+import matplotlib
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+from bmd_rths_core.config import load_config
+from bmd_rths_core.paper_figures.catalogue import figure_data
+from bmd_rths_core.paper_figures.systems import EIGHT_STORY, FIGURES
+from bmd_rths_core.plots import FORMATS
+from bmd_rths_core.plots.drawing import draw, write_figure
+from bmd_rths_core.plots.style import RESOLUTION, style
+
+CONFIGS = Path(__file__).parents[2] / "config"
+
+#: What a reader has to find on each figure.
+STATED = {
+    6: ["constant delay of 26 ms (paper)", "interaction at 8.98 Hz (paper)", '"measured" is simulated', "model: Eq. 9"],
+    7: ["35.43 rad/s", "system: 0.65 (paper: 0.65)", "paper: around 0.15", "paper: to 0.2", "unstable", "Eq. 9 + PLC"],
+    8: ["35.43 rad/s", 'system: 0.65 (paper: 0.65, "very close")', "unstable", "one step (5 ms) of delay"],
+    10: ["constant delay of 25 ms (paper)", "coefficients of the table are assumed", '"measured" is simulated'],
+    11: [
+        "94.09 rad/s",
+        "paper: 0.2",
+        "system: 0.161 (configured)",
+        "unstable",
+        "pure delay of 25 ms",
+        "third-order servo",
+    ],
+    13: ["el_centro_1940_ns", "RMSE (Eq. 12) 17.10 %", "the paper's figure shows Parkfield", "PLC + FC", "m/s²"],
+}
+
+
+@pytest.fixture(scope="module")
+def data():
+    """Compute what every figure shows."""
+    eight_story, simplified = (load_config(CONFIGS / f"{name}_bmd.yaml") for name in ("eight_story", "simplified"))
+    return {n: figure_data(n, eight_story if n in EIGHT_STORY.figures else simplified) for n in FIGURES}
+
+
+def texts(path):
+    """Return all text of an SVG file."""
+    return "\n".join(text.text for text in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text"))
+
+
+@pytest.mark.parametrize("number", FIGURES)
+def test_files_have_the_stated_values_and_their_size(data, number, tmp_path):
+    png, svg = write_figure(data[number], tmp_path, FORMATS)
+    assert (png.name, svg.name) == (f"figure_{number}.png", f"figure_{number}.svg")
+    shown = texts(svg)
+    for stated in STATED[number]:
+        assert stated in shown
+    signature, width, height = struct.unpack(">16s2I", png.read_bytes()[:24])
+    assert signature.startswith(b"\x89PNG")
+    assert RESOLUTION >= 200
+    assert width == pytest.approx(180.0 / 25.4 * RESOLUTION, abs=1.0)
+    assert 0.4 * width < height < width
+
+
+def test_parkfield_has_the_value_of_the_paper_and_a_stopped_test_says_why(data, tmp_path):
+    (path,) = write_figure(replace(data[13], is_parkfield=True, stopped="limit of the table"), tmp_path, ["svg"])
+    assert "paper: 48.84 %, Table 3" in texts(path)
+    assert "the test was stopped: limit of the table" in texts(path)
+
+
+@pytest.mark.parametrize("number", FIGURES)
+def test_nothing_is_cut_off_or_covered_and_all_text_has_8_points(data, number):
+    with style():
+        figure = draw(data[number])
+        FigureCanvasAgg(figure).draw()
+        assert {text.get_fontsize() for text in figure.findobj(Text) if text.get_text()} == {8.0}
+        drawn, page = figure.get_tightbbox(), figure.bbox_inches
+        assert page.x0 <= drawn.x0 < drawn.x1 <= page.x1
+        assert page.y0 <= drawn.y0 < drawn.y1 <= page.y1
+        boxes = [legend.get_window_extent() for legend in figure.legends]
+        boxes += [axes.get_tightbbox() for axes in figure.axes]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+@pytest.mark.parametrize("number", [7, 13])
+def test_same_data_give_the_same_bytes_whatever_a_user_has_set(data, number, tmp_path):
+    first = [path.read_bytes() for path in write_figure(data[number], tmp_path, FORMATS)]
+    with matplotlib.rc_context({"font.size": 20.0, "axes.grid": True, "svg.fonttype": "path"}):
+        again = [path.read_bytes() for path in write_figure(data[number], tmp_path, FORMATS)]
+        assert matplotlib.rcParams["font.size"] == 20.0
+    assert first == again
+
+
+def test_curves_are_told_apart_without_colour(data):
+    with style():
+        for axes in draw(data[11]).axes:
+            curves = [line for line in axes.lines if line.get_label().startswith("margin")]
+            assert len({line.get_linestyle() + str(line._dash_pattern) for line in curves}) == len(curves) == 3
+
+
+def test_pyplot_and_its_global_figures_are_not_used():
+    statement = "import sys, bmd_rths_core.plots.drawing; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", statement], stdin=subprocess.DEVNULL, timeout=120).returncode == 0
