@@ -12,7 +12,7 @@ from bmd_rths_core.damping import modal_damping, rayleigh_coefficients, rayleigh
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.explicit_integration import SystemMatrices
 from bmd_rths_core.parameters import check_parameters, parameter
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.shear_building import Modes, ShearBuilding, modes_of
 from bmd_rths_core.story_springs import BilinearSpring, BoucWenSpring, LinearSpring, StorySpring, StorySprings
 
 FloatArray = NDArray[np.float64]
@@ -152,6 +152,10 @@ class NonlinearBuilding:
     def system(self) -> SystemMatrices:
         """Return the matrices an explicit integration is tuned to."""
         return SystemMatrices(np.diag(self.masses), self.damping_matrix, self.highest_stiffness_matrix)
+
+    def elastic_modes(self) -> Modes:
+        """Return the undamped modes of small motion about rest."""
+        return modes_of(np.diag(self.masses), self.damping_matrix, self.initial_stiffness_matrix)
 
     def stories(self) -> StorySprings:
         """Return the stories as one restoring force."""

@@ -146,12 +146,7 @@ class ShearBuilding:
         Modes
             All n modes, lowest frequency first.
         """
-        mass = self.mass_matrix
-        squared, shapes = eigh(self.stiffness_matrix, mass)
-        frequencies = np.sqrt(squared)
-        modal_damping = np.einsum("ij,ik,kj->j", shapes, self.damping_matrix, shapes)
-        participation = shapes.T @ mass @ np.ones(self.stories)
-        return Modes(frequencies, modal_damping / (2.0 * frequencies), participation**2, shapes)
+        return modes_of(self.mass_matrix, self.damping_matrix, self.stiffness_matrix)
 
     def relative_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the state space of the motion relative to the base, driven by the base acceleration (Eq. 5).
@@ -171,6 +166,26 @@ class ShearBuilding:
         a = np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), c))
         b = np.concatenate((np.zeros(n), -np.ones(n)))[:, None]
         return a, b, c
+
+
+def modes_of(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> Modes:
+    """Return the undamped modes of a building by its matrices.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : ndarray, shape (n, n)
+        M [kg], C [N s/m] and K [N/m], K positive definite.
+
+    Returns
+    -------
+    Modes
+        All n modes, lowest frequency first.
+    """
+    squared, shapes = eigh(stiffness, mass)
+    frequencies = np.sqrt(squared)
+    modal_damping = np.einsum("ij,ik,kj->j", shapes, damping, shapes)
+    participation = shapes.T @ mass @ np.ones(len(mass))
+    return Modes(frequencies, modal_damping / (2.0 * frequencies), participation**2, shapes)
 
 
 def stories(

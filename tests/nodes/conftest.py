@@ -11,6 +11,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from bmd_rths_nodes.cli.main import main
+
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
 EIGHT_STORY = ROOT / "config" / "eight_story_bmd.yaml"
@@ -25,6 +27,20 @@ def domain(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     return number
+
+
+@pytest.fixture
+def run_main(monkeypatch, capsys, tmp_path):
+    """Run the command line in this process, in an empty folder; return status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["bmd-rths", *(str(a) for a in arguments)])
+        status = main()
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
 
 
 class Child:

@@ -1,7 +1,6 @@
 """`bmd-rths`: results in process, and one clear line with exit status 2 for everything that is wrong."""
 
 import json
-import sys
 
 import pytest
 
@@ -10,23 +9,8 @@ from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import run_metrics
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_nodes.cli.main import main
 from bmd_rths_nodes.naming import new_bag_directory
 from tests.nodes.conftest import CONFIG
-
-
-@pytest.fixture
-def run_main(monkeypatch, capsys, tmp_path):
-    """Run the command line in this process, in an empty folder; return status, standard output and error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["bmd-rths", *(str(a) for a in arguments)])
-        status = main()
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
 
 
 def test_simulate_prints_the_metrics_of_the_loop_in_process(run_main):
@@ -82,7 +66,9 @@ def test_unstable_simulation_is_reported_and_has_status_1(run_main):
     assert json.loads(output)["stable"] is False
 
 
-@pytest.mark.parametrize("command", [(), ("run",), ("simulate",), ("analyze",), ("figures",)])
+@pytest.mark.parametrize(
+    "command", [(), ("run",), ("simulate",), ("stability",), ("analyze",), ("figures",)], ids=lambda c: " ".join(c)
+)
 def test_help_has_an_example(run_main, command):
     status, output, _ = run_main(*command, "--help")
     assert status == 0

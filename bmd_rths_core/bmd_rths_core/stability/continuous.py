@@ -18,11 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.stability.crossings import Cells, Crossings, positive_real_crossings
 from bmd_rths_core.stability.elements import ComplexArray, Delay, LoopElement, Rational
 from bmd_rths_core.stability.models import (
+    elastic_numerical_building,
     experimental_building,
-    numerical_building,
+    first_effective_mass,
     numerical_oscillator,
     phase_lead_compensator,
     simulated_table,
@@ -268,11 +270,12 @@ def loop_of(config: Config) -> LoopTransferFunction:
     Returns
     -------
     LoopTransferFunction
-        Eq. 7 of this loop. It knows no hold, no estimator and no force correction; `discrete` does.
+        Eq. 7 of this loop. It knows no hold, no estimator and no force correction; `discrete` does. A numerical
+        substructure that may yield is taken for small motion about rest.
     """
-    step = config.run.time_step
+    step, chain = config.run.time_step, config.numerical_substructure.building()
     return LoopTransferFunction(
-        numerical_building(config.numerical_substructure.building()),
+        elastic_numerical_building(nonlinear_building(chain, config.nonlinear), first_effective_mass(chain)),
         experimental_building(config.specimen.building()),
         simulated_table(config.simulated_table),
         phase_lead_compensator(config.command_shaper, step) if config.scheme.phase_lead else None,

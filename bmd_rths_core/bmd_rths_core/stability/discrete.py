@@ -18,22 +18,24 @@ from bmd_rths_core.assembly import (
     make_force_correction,
     make_numerical_substructure,
     make_shear_estimator,
-    make_table_controller,
 )
 from bmd_rths_core.config import Config
 from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.shear_building import mass_ratio
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
+from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass
+from bmd_rths_core.stability.unit_circle import transfer_function
 from bmd_rths_core.table.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
 
-#: Mass ratios at which the spectral radius is looked at before it is bisected.
-SCAN_POINTS = 400
-#: A stable interval ends where its ends are known to this ratio [1].
-_TOLERANCE = 1e-12
+#: Angles of the unit circle to begin with [rad]; any give the same result. Below the first one inertia is too small for
+#: anything to be critical.
+_FIRST_ANGLES = np.linspace(1e-6, np.pi, 129)
+#: Critical ratios nearer to each other than this, relatively, count as one.
+_SAME_RATIO = 1e-9
 
 
 @dataclass(frozen=True)
@@ -94,18 +96,13 @@ def closed_loop(config: Config) -> ClosedLoop:
     -------
     ClosedLoop
 
-    Raises
-    ------
-    InputError
-        The configured table is not the simulated one.
-
     Notes
     -----
-    A yielding numerical substructure is taken as linear about rest, with its own integration.
+    Whatever controller is configured, its table is the simulated one, which for a real table is its identified model. A
+    yielding numerical substructure is taken as linear about rest, with its own integration.
     """
-    table = make_table_controller(config)
-    if not isinstance(table, SimulatedTable):
-        raise InputError(f"table.controller: {config.table.controller} has no model; simulated is required")
+    specimen, step = config.specimen.building(), config.run.time_step
+    table = SimulatedTable(config.simulated_table, specimen, step, config.run.seed)
     stages = {
         "numerical": make_numerical_substructure(config).state_space(),
         "shaper": make_command_shaper(config).state_space(),
@@ -186,6 +183,24 @@ def with_mass_ratio(config: Config, ratio: float) -> Config:
     )
 
 
+def with_feedback_scale(config: Config, scale: float) -> Config:
+    """Return a configuration with another share of the shear fed back.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    scale : float
+        ``force_correction.feedback_scale``, > 0 and at most 1.
+
+    Returns
+    -------
+    Config
+    """
+    correction = dataclasses.replace(config.force_correction, feedback_scale=scale)
+    return dataclasses.replace(config, force_correction=correction)
+
+
 def configured_mass_ratio(config: Config) -> float:
     """Return the mass ratio of a configuration (Eq. 8).
 
@@ -203,7 +218,7 @@ def configured_mass_ratio(config: Config) -> float:
     return mass_ratio(_fed_back_mass(config), first_effective_mass(config.numerical_substructure.building()))
 
 
-def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO, points: int = SCAN_POINTS) -> StabilityMargin:
+def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO) -> StabilityMargin:
     """Return the allowable mass ratio of the loop as it runs.
 
     Parameters
@@ -212,9 +227,6 @@ def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO, points:
         The whole configuration; its own mass ratio does not matter.
     largest : float
         Largest mass ratio to examine, between 0 and 1.
-    points : int
-        Mass ratios to scan, half of them evenly spaced and half by powers. An interval of stability or instability
-        that lies between two of them is missed; everything else is bisected.
 
     Returns
     -------
@@ -223,43 +235,72 @@ def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO, points:
 
     Notes
     -----
-    Only the shear that drives the numerical substructure is divided by its mass, so that the matrix of the closed loop
-    is A₀ + (m_E/m_N) A₁; two assemblies give both.
+    The share s of the shear that is fed back enters one row of the closed loop, A = A₀ + s e₁ cᵀ, and s stands to 1 as
+    m_E/m_N to its value for the whole shear. So an eigenvalue e^{jθ} has 1 = s cᵀ (e^{jθ} − A₀)⁻¹ e₁, and every
+    critical s is a crossing of the positive real axis by this transfer function, all of which `crossings` finds. Which
+    of the intervals between them are stable is told by the eigenvalues in their middle.
     """
-    one, two = (closed_loop(with_mass_ratio(config, ratio)).a for ratio in (0.5, 2.0 / 3.0))  # m_E/m_N = 1 and 2
-    change = two - one
+    open_loop, feedback = _opened(config)
+    whole = configured_mass_ratio(with_feedback_scale(config, 1.0))
+    highest = largest / (1.0 - largest) * (1.0 - whole) / whole
+    shares, angles = _critical_shares(open_loop, feedback, highest)
+    ends = np.concatenate(([0.0], shares, [highest]))
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    entering = np.zeros_like(open_loop)
+    entering[0] = feedback
+    radii = np.abs(np.linalg.eigvals(open_loop + middle[:, None, None] * entering)).max(axis=-1)
+    ratios = ends * whole / (1.0 - whole + ends * whole)
+    ratios[-1] = largest
+    frequencies = np.concatenate(([np.nan], angles / config.run.time_step, [np.nan]))
+    intervals = _stable_intervals(ratios.tolist(), frequencies.tolist(), radii < 1.0)
+    if not intervals or intervals[0].lower > 0.0:
+        return StabilityMargin(0.0, np.nan, intervals)
+    return StabilityMargin(intervals[0].upper, intervals[0].upper_frequency, intervals)
 
-    def critical(ratio: float | FloatArray) -> tuple[FloatArray, FloatArray]:
-        gain = np.asarray(ratio / (1.0 - ratio))[..., None, None]
-        eigenvalues = np.linalg.eigvals(one + (gain - 1.0) * change)
-        worst = np.take_along_axis(eigenvalues, np.abs(eigenvalues).argmax(axis=-1)[..., None], axis=-1)[..., 0]
-        return np.abs(worst), np.abs(np.angle(worst)) / config.run.time_step
 
-    def end(lower: float, upper: float, stable_below: bool) -> tuple[float, float]:
-        while upper - lower > _TOLERANCE:
-            middle = 0.5 * (lower + upper)
-            radius, _ = critical(middle)
-            lower, upper = (middle, upper) if (radius < 1.0) == stable_below else (lower, middle)
-        return lower if stable_below else upper, float(critical(lower if stable_below else upper)[1])
+def _stable_intervals(
+    ratios: list[float], frequencies: list[float], stable: NDArray[np.bool_]
+) -> tuple[StableInterval, ...]:
+    """Join neighbouring stable intervals: what is between them touches the unit circle without crossing it."""
+    intervals: list[StableInterval] = []
+    for k in np.flatnonzero(stable).tolist():
+        lower, lower_frequency = ratios[k], frequencies[k]
+        if intervals and intervals[-1].upper == lower:
+            lower, _, lower_frequency, _ = intervals.pop()
+        intervals.append(StableInterval(lower, ratios[k + 1], lower_frequency, frequencies[k + 1]))
+    return tuple(intervals)
 
-    half = points // 2
-    scan = np.union1d(np.linspace(largest / half, largest, half), np.geomspace(1e-4, largest, half))
-    stable = critical(scan)[0] < 1.0
-    intervals = []
-    lower, lower_frequency = 0.0, np.nan
-    for k in range(1, len(scan)):
-        if stable[k] == stable[k - 1]:
-            continue
-        ratio, frequency = end(float(scan[k - 1]), float(scan[k]), bool(stable[k - 1]))
-        if stable[k]:
-            lower, lower_frequency = ratio, frequency
-        else:
-            intervals.append(StableInterval(lower, ratio, lower_frequency, frequency))
-    if stable[-1]:
-        intervals.append(StableInterval(lower, largest, lower_frequency, np.nan))
-    if not stable[0]:
-        return StabilityMargin(0.0, np.nan, tuple(intervals))
-    return StabilityMargin(intervals[0].upper, intervals[0].upper_frequency, tuple(intervals))
+
+def _opened(config: Config) -> tuple[FloatArray, FloatArray]:
+    """Return A₀, the loop with no shear fed back, and cᵀ, what of its state the whole shear is."""
+    whole, half = (closed_loop(with_feedback_scale(config, scale)).a for scale in (1.0, 0.5))
+    feedback = 2.0 * (whole - half)[0]
+    open_loop = whole.copy()
+    open_loop[0] -= feedback
+    return open_loop, feedback
+
+
+def _critical_shares(open_loop: FloatArray, feedback: FloatArray, highest: float) -> tuple[FloatArray, FloatArray]:
+    """Return all shares of the shear below a limit for which an eigenvalue is on the unit circle, and its angle."""
+    # A shear that is constant or rises steadily accelerates nothing: two zeros at z = 1.
+    function = transfer_function(open_loop, np.eye(len(open_loop))[0], feedback, (1.0, 2))
+
+    def evaluate(theta: FloatArray, loop: NDArray[np.intp]) -> tuple[NDArray[np.complex128], FloatArray]:
+        return function.response(np.exp(1j * theta)), function.phase_variation(theta)
+
+    theta, first = _FIRST_ANGLES, np.zeros(len(_FIRST_ANGLES) - 1, dtype=np.intp)
+    value, variation = evaluate(theta, first)
+    cells = Cells(first, theta[:-1], theta[1:], value[:-1], value[1:], variation[:-1], variation[1:])
+    crossings = positive_real_crossings(evaluate, cells)
+    # At z = −1 the function is real; no crossing is needed to be critical there.
+    values = np.append(crossings.value, value[-1].real)
+    angles = np.append(crossings.frequency, np.pi)
+    reached = values * highest > 1.0
+    shares, angles = 1.0 / values[reached], angles[reached]
+    order = np.argsort(shares)
+    shares, angles = shares[order], angles[order]
+    apart = np.diff(shares, prepend=0.0) > _SAME_RATIO * shares
+    return shares[apart], angles[apart]
 
 
 def _fed_back_mass(config: Config) -> float:

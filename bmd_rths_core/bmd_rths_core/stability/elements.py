@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.stability.unit_circle import DiscreteRational
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -105,12 +106,11 @@ class Rational:
         frequency : ndarray
             ω [rad/s].
         """
-        total = np.zeros(np.shape(frequency))
+        omega, total = np.asarray(frequency)[..., None], np.zeros(np.shape(frequency))
         for roots in (self.zeros, self.poles):
-            for k in range(roots.shape[-1]):
-                centre, width = roots[..., k].imag, np.abs(roots[..., k].real)
-                total = total + (np.arctan2(frequency - centre, width) - np.arctan2(-centre, width))
-        return total
+            centre, width = roots.imag, np.abs(roots.real)
+            total = total + np.sum(np.arctan2(omega - centre, width) - np.arctan2(-centre, width), axis=-1)
+        return np.asarray(total)
 
     def gain_bound(self, frequency: float) -> float:
         """Return the bound from the moduli of zeros and poles, see `LoopElement.gain_bound`.
@@ -213,15 +213,16 @@ class DiscreteCompensator:
     """
 
     def __init__(self, numerator: ArrayLike, denominator: ArrayLike, time_step: float) -> None:
-        self._numerator = np.trim_zeros(np.atleast_1d(np.asarray(numerator, dtype=float)), "f")
-        self._denominator = np.trim_zeros(np.atleast_1d(np.asarray(denominator, dtype=float)), "f")
+        b = np.trim_zeros(np.atleast_1d(np.asarray(numerator, dtype=float)), "f")
+        a = np.trim_zeros(np.atleast_1d(np.asarray(denominator, dtype=float)), "f")
         self._time_step = time_step
-        if not 0 < len(self._numerator) <= len(self._denominator):
+        if not 0 < len(b) <= len(a):
             raise InputError("compensator: numerator of a higher order than the denominator, or without coefficients")
-        poles = np.roots(self._denominator)
+        poles = np.roots(a)
         if np.max(np.abs(poles), initial=0.0) >= 1.0:
             raise InputError(f"compensator: pole of modulus {np.abs(poles).max():.4g}; less than 1 is required")
-        self._roots = np.concatenate((np.roots(self._numerator), poles))
+        zeros = np.roots(b).astype(complex)
+        self._rational = DiscreteRational(zeros, poles.astype(complex), b[0] / a[0])
         # Poles this far from the circle are resolved by the spacing; the tenth is for what lies between two points.
         points = 64 * max(8, int(np.ceil(8.0 / (1.0 - np.max(np.abs(poles), initial=0.0)))))
         self._peak = 1.1 * float(np.abs(self.response(np.linspace(0.0, np.pi / time_step, points))).max())
@@ -234,8 +235,7 @@ class DiscreteCompensator:
         frequency : ndarray
             ω [rad/s].
         """
-        z = np.exp(1j * self._time_step * np.asarray(frequency))
-        return np.asarray(np.polyval(self._numerator, z) / np.polyval(self._denominator, z))
+        return self._rational.response(np.exp(1j * self._time_step * np.asarray(frequency)))
 
     def phase_variation(self, frequency: FloatArray) -> FloatArray:
         """Return the sum of the variations of every zero and pole, see `LoopElement.phase_variation`.
@@ -244,18 +244,8 @@ class DiscreteCompensator:
         ----------
         frequency : ndarray
             ω [rad/s].
-
-        Notes
-        -----
-        With θ = ω Δt, the phase of e^{jθ} − r rises with θ for a root inside the circle. For one outside it swings
-        between ±A, A = asin(1/|r|), with turning points where cos(θ − arg r) = 1/|r|.
         """
-        theta = self._time_step * np.asarray(frequency)
-        total = np.zeros(np.shape(theta))
-        for root in self._roots:
-            of = _rising_phase if abs(root) <= 1.0 else _swinging_variation
-            total = total + of(theta, root) - of(np.zeros(()), root)
-        return total
+        return self._rational.phase_variation(self._time_step * np.asarray(frequency))
 
     def gain_bound(self, frequency: float) -> float:
         """Return the peak gain on the unit circle, see `LoopElement.gain_bound`.
@@ -334,19 +324,3 @@ class MeasuredResponse:
             ω [rad/s].
         """
         return 0.0 if frequency >= self.frequencies[-1] else np.inf
-
-
-def _rising_phase(theta: FloatArray, root: complex) -> FloatArray:
-    return np.asarray(theta + np.angle(1.0 - root * np.exp(-1j * theta)))
-
-
-def _swinging_variation(theta: FloatArray, root: complex) -> FloatArray:
-    modulus = abs(root)
-    amplitude, turning_point = np.arcsin(1.0 / modulus), np.arccos(1.0 / modulus)
-    periods, beta = np.divmod(theta - np.angle(root) + np.pi, 2.0 * np.pi)
-    beta = beta - np.pi
-    swing = np.angle(1.0 - np.exp(1j * beta) / modulus)
-    within = np.where(
-        np.abs(beta) < turning_point, 2.0 * amplitude - swing, np.where(beta < 0.0, swing, 4.0 * amplitude + swing)
-    )
-    return np.asarray(4.0 * amplitude * periods + within)

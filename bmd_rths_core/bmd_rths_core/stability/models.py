@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bmd_rths_core.command_shaper import CommandShaperConfig, transfer_function
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.elements import ComplexArray, DiscreteCompensator, Rational
 from bmd_rths_core.table.dynamics import SECTION_LENGTH, series, servo_sections
@@ -109,10 +110,26 @@ def numerical_building(building: ShearBuilding) -> Rational:
     -----
     The zeros are the eigenvalues of the building with the interface held fast.
     """
-    m, c, k = np.asarray(building.masses), building.damping_matrix, building.stiffness_matrix
-    zeros = _eigenvalues(m[:-1], c[:-1, :-1], k[:-1, :-1])
-    gain = first_effective_mass(building) / m[-1]
-    return Rational(zeros, _eigenvalues(m, c, k), np.asarray(gain))
+    masses, mass = np.asarray(building.masses), first_effective_mass(building)
+    return _numerical(masses, building.damping_matrix, building.stiffness_matrix, mass)
+
+
+def elastic_numerical_building(building: NonlinearBuilding, effective_mass: float) -> Rational:
+    """Return a numerical substructure that may yield as `numerical_building` does, for small motion about rest.
+
+    Parameters
+    ----------
+    building : NonlinearBuilding
+        Initial stiffness, with P-Delta, and any damping.
+    effective_mass : float
+        m_N of Eq. 8 [kg].
+
+    Returns
+    -------
+    Rational
+        See `numerical_building`.
+    """
+    return _numerical(building.masses, building.damping_matrix, building.initial_stiffness_matrix, effective_mass)
 
 
 def experimental_building(building: ShearBuilding) -> Rational:
@@ -289,6 +306,11 @@ def first_effective_mass(building: ShearBuilding) -> float:
         [kg].
     """
     return float(building.modes().effective_masses[0])
+
+
+def _numerical(masses: FloatArray, damping: FloatArray, stiffness: FloatArray, effective_mass: float) -> Rational:
+    zeros = _eigenvalues(masses[:-1], damping[:-1, :-1], stiffness[:-1, :-1])
+    return Rational(zeros, _eigenvalues(masses, damping, stiffness), np.asarray(effective_mass / masses[-1]))
 
 
 def _eigenvalues(masses: FloatArray, damping: FloatArray, stiffness: FloatArray) -> ComplexArray:

@@ -13,6 +13,7 @@ from bmd_rths_nodes.cli.figures import figures
 from bmd_rths_nodes.cli.options import log
 from bmd_rths_nodes.cli.run import run
 from bmd_rths_nodes.cli.simulate import simulate
+from bmd_rths_nodes.cli.stability import stability
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -26,6 +27,7 @@ def cli() -> None:
 
 cli.add_command(run)
 cli.add_command(simulate)
+cli.add_command(stability)
 cli.add_command(analyze)
 cli.add_command(figures)
 

@@ -45,7 +45,7 @@ def result_of(record: RunRecord) -> dict[str, Any]:
         result["missed_deadlines"] = record.timing.missed_deadlines
         result["max_consecutive_misses"] = record.timing.max_consecutive_misses
         result["closure_ms"] = dict(record.timing.closure_ms)
-    return {key: _without_nan(value) for key, value in result.items()}
+    return {key: without_nan(value) for key, value in result.items()}
 
 
 def show(result: dict[str, Any], as_json: bool) -> None:
@@ -82,10 +82,16 @@ def _number(value: float | None, unit: str) -> str:
     return "not known" if value is None else f"{value:.2f} {unit}"
 
 
-def _without_nan(value: Any) -> Any:
-    """JSON has no NaN: what could not be computed is null."""
+def without_nan(value: Any) -> Any:
+    """Return a value for JSON, which has no NaN: what could not be computed is null.
+
+    Parameters
+    ----------
+    value : Any
+        Plain values, in mappings and lists of any depth.
+    """
     if isinstance(value, dict):
-        return {key: _without_nan(entry) for key, entry in value.items()}
+        return {key: without_nan(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_without_nan(entry) for entry in value]
+        return [without_nan(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,143 @@
+"""Which loops are analysed: the one of Eqs. 7 and 8 as the paper draws it, and the one with everything in it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.nonlinear_building import nonlinear_building
+from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
+from bmd_rths_core.stability.elements import LoopElement, MeasuredResponse
+from bmd_rths_core.stability.models import (
+    IdentifiedMode,
+    experimental_modes,
+    numerical_oscillator,
+    phase_lead_compensator,
+    simulated_table,
+    uncoupled_modes,
+)
+
+#: Values of `AnalysisOptions.modes` besides a number.
+IDENTIFIED, ALL = "identified", "all"
+#: Range of the sweep, relative to the configured frequency, and its points.
+_SWEEP = (0.25, 2.0, 200)
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """What of the analyses is not in the configuration.
+
+    Parameters
+    ----------
+    modes : int or str
+        Modes of the experimental substructure in *continuous*: ``"identified"`` (the identified first mode of the
+        configuration), ``"all"`` (all modes of the stories, uncoupled), or how many of the latter.
+    feedback_delay_steps : int
+        k ≥ 0 of *continuous*: the shear is fed back k steps late. 0 is Eq. 7.
+    measured_table : MeasuredResponse, optional
+        Table, in place of the simulated one. There is no discrete analysis then.
+    """
+
+    modes: int | str = ALL
+    feedback_delay_steps: int = 0
+    measured_table: MeasuredResponse | None = None
+
+
+def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction:
+    """Return the loop of the analysis *continuous*: Eq. 7 with one mode of the numerical substructure.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    options : AnalysisOptions
+        Modes, feedback delay and table.
+
+    Returns
+    -------
+    LoopTransferFunction
+
+    Raises
+    ------
+    InputError
+        The modes do not fit the configuration, or a substructure has no damping.
+    """
+    frequency, damping_ratio = _first_mode(config)
+    table, delay = _table(config, options)
+    return LoopTransferFunction(
+        numerical_oscillator(frequency, damping_ratio),
+        experimental_modes(_modes(config, options.modes)),
+        table,
+        phase_lead_compensator(config.command_shaper, config.run.time_step) if config.scheme.phase_lead else None,
+        options.feedback_delay_steps * config.run.time_step + delay,
+    )
+
+
+def complete_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction:
+    """Return the loop of the analysis *continuous_complete*: `continuous.loop_of`, also with a measured table.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    options : AnalysisOptions
+        Only its table matters.
+
+    Returns
+    -------
+    LoopTransferFunction
+    """
+    table, delay = _table(config, options)
+    return dataclasses.replace(loop_of(config), table=table, feedback_delay=config.run.time_step + delay)
+
+
+def sweep(config: Config, options: AnalysisOptions) -> MarginCurve:
+    """Return the allowable mass ratio of *continuous* over the frequency of the numerical substructure.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    options : AnalysisOptions
+        As for `paper_loop`.
+
+    Returns
+    -------
+    MarginCurve
+        From a quarter to twice the configured frequency, as Figures 7 and 11 of the paper.
+    """
+    frequency, damping_ratio = _first_mode(config)
+    begin, end, points = _SWEEP
+    loop = paper_loop(config, options)
+    rest = (loop.experimental, loop.table, loop.compensator, loop.feedback_delay)
+    return margin_curve(np.linspace(begin * frequency, end * frequency, points), damping_ratio, *rest)
+
+
+def _first_mode(config: Config) -> tuple[float, float]:
+    modes = nonlinear_building(config.numerical_substructure.building(), config.nonlinear).elastic_modes()
+    return float(modes.frequencies[0]), float(modes.damping_ratios[0])
+
+
+def _table(config: Config, options: AnalysisOptions) -> tuple[LoopElement, float]:
+    """Return the table and its pure delay [s]."""
+    if options.measured_table is not None:
+        return options.measured_table, 0.0
+    return simulated_table(config.simulated_table), config.simulated_table.command_delay
+
+
+def _modes(config: Config, choice: int | str) -> tuple[IdentifiedMode, ...]:
+    stories = uncoupled_modes(config.specimen.building())
+    if choice == ALL:
+        return stories
+    if choice == IDENTIFIED:
+        specimen, first = config.specimen, stories[0]
+        frequency = specimen.identified_frequency or first.frequency
+        return (IdentifiedMode(frequency, specimen.identified_damping_ratio or first.damping_ratio),)
+    if isinstance(choice, int) and 1 <= choice <= len(stories):
+        return stories[:choice]
+    allowed = f"{IDENTIFIED}, {ALL} or a number from 1 to {len(stories)}"
+    raise InputError(f"modes: {choice} is not allowed; {allowed} is required")

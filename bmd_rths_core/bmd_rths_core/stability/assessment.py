@@ -1,0 +1,207 @@
+"""Whether a specimen may go on the table: three stability analyses of one configuration, side by side.
+
+- *continuous*: the loop of Eqs. 7 and 8 as the paper draws it, the numerical substructure an oscillator of its first
+  mode, with the modes and the feedback delay that are asked for;
+- *continuous_complete*: the same scheme and table, every mode of both substructures with the damping that couples them,
+  and the one step between shear and feedback that the loop really has;
+- *discrete*: the loop as it is run, all its stages, from one step to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
+from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, StabilityMargin
+from bmd_rths_core.stability.discrete import (
+    closed_loop,
+    configured_mass_ratio,
+    discrete_margin,
+    with_feedback_scale,
+)
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Result of one analysis.
+
+    Parameters
+    ----------
+    margin : StabilityMargin
+        Allowable mass ratio.
+    stable : bool
+        The loop is stable at the configured mass ratio.
+    """
+
+    margin: StabilityMargin
+    stable: bool
+
+
+@dataclass(frozen=True)
+class DiscreteAnalysis(Analysis):
+    """Result of the discrete analysis.
+
+    Parameters
+    ----------
+    margin, stable
+        See `Analysis`.
+    spectral_radius : float
+        At the configured mass ratio.
+    """
+
+    spectral_radius: float
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """The analyses of one configuration.
+
+    Parameters
+    ----------
+    mass_ratio : float
+        ρ of Eq. 8 with the share of the shear that is fed back.
+    whole_mass_ratio : float
+        ρ with the whole shear fed back.
+    continuous, continuous_complete : Analysis
+        See the module.
+    discrete : DiscreteAnalysis or None
+        None when it could not be made.
+    discrete_reason : str
+        Why it could not be made; empty otherwise.
+    """
+
+    mass_ratio: float
+    whole_mass_ratio: float
+    continuous: Analysis
+    continuous_complete: Analysis
+    discrete: DiscreteAnalysis | None
+    discrete_reason: str
+
+    @property
+    def analyses(self) -> dict[str, Analysis]:
+        """Those that could be made, by name."""
+        made = {"continuous": self.continuous, "continuous_complete": self.continuous_complete}
+        return made if self.discrete is None else {**made, "discrete": self.discrete}
+
+    @property
+    def go(self) -> bool:
+        """True when every analysis that could be made is stable at the configured mass ratio."""
+        return all(analysis.stable for analysis in self.analyses.values())
+
+    @property
+    def gain_margins(self) -> dict[str, float]:
+        """Factor by which the shear fed back may grow until an analysis leaves its first stable interval, by name."""
+        configured = _mass_quotient(self.mass_ratio)
+        return {n: _mass_quotient(a.margin.allowable_mass_ratio) / configured for n, a in self.analyses.items()}
+
+    @property
+    def largest_feedback_scale(self) -> float:
+        """Largest share of the shear for which all analyses are stable, 1 at most; 0 when there is none."""
+        whole = _mass_quotient(self.whole_mass_ratio)
+        shares = [
+            [
+                (_mass_quotient(i.lower) / whole, _mass_quotient(i.upper) / whole)
+                for i in analysis.margin.stable_intervals
+            ]
+            for analysis in self.analyses.values()
+        ]
+        candidates = [1.0, *(upper for intervals in shares for _, upper in intervals if upper < 1.0)]
+        return max(
+            (
+                share
+                for share in candidates
+                if all(any(lower < share <= upper for lower, upper in intervals) for intervals in shares)
+            ),
+            default=0.0,
+        )
+
+    @property
+    def verdict_text(self) -> str:
+        """The verdict in words, with the numbers it rests on."""
+        if not self.go:
+            unstable = {name: analysis for name, analysis in self.analyses.items() if not analysis.stable}
+            share = self.largest_feedback_scale
+            remedy = (
+                f"all analyses are stable up to a feedback scale of {_rounded_down(share)}"
+                if share > 0.0
+                else "there is no feedback scale at which all analyses are stable"
+            )
+            return f"NO-GO: mass ratio {self.mass_ratio:.3f} is above the allowable {_listed(unstable)}; {remedy}"
+        conditional = {n: a for n, a in self.analyses.items() if self.mass_ratio > a.margin.allowable_mass_ratio}
+        if conditional:
+            return (
+                f"GO: mass ratio {self.mass_ratio:.3f} is stable, but conditionally: above the allowable "
+                f"{_listed(conditional)} the loop is unstable and then stable again"
+            )
+        return (
+            f"GO: mass ratio {self.mass_ratio:.3f} is below the allowable {_listed(self.analyses)}; "
+            f"the shear could be {min(self.gain_margins.values()):.2f} times as large"
+        )
+
+
+def assess(config: Config, options: AnalysisOptions) -> Assessment:
+    """Make the three analyses of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    options : AnalysisOptions
+        What is not in it.
+
+    Returns
+    -------
+    Assessment
+
+    Raises
+    ------
+    InputError
+        The options do not fit the configuration, or a substructure has no damping.
+    """
+    ratio, whole = configured_mass_ratio(config), configured_mass_ratio(with_feedback_scale(config, 1.0))
+    # A numerical substructure that is next to nothing is examined too.
+    largest = max(LARGEST_MASS_RATIO, 0.5 * (1.0 + whole))
+    discrete, reason = _discrete(config, options, largest)
+    return Assessment(
+        ratio,
+        whole,
+        _continuous(paper_loop(config, options), ratio, largest),
+        _continuous(complete_loop(config, options), ratio, largest),
+        discrete,
+        reason,
+    )
+
+
+def _continuous(loop: LoopTransferFunction, ratio: float, largest: float) -> Analysis:
+    margin = loop.margin(largest)
+    return Analysis(margin, any(i.lower < ratio < i.upper for i in margin.stable_intervals))
+
+
+def _discrete(config: Config, options: AnalysisOptions, largest: float) -> tuple[DiscreteAnalysis | None, str]:
+    if options.measured_table is not None:
+        return None, "a measured frequency response of the table cannot be advanced step by step"
+    radius = closed_loop(config).spectral_radius
+    return DiscreteAnalysis(discrete_margin(config, largest), radius < 1.0, radius), ""
+
+
+def _mass_quotient(ratio: float) -> float:
+    """Return m_E/m_N, which the shear is proportional to, for a mass ratio."""
+    return ratio / (1.0 - ratio)
+
+
+def _listed(analyses: dict[str, Analysis]) -> str:
+    return ", ".join(
+        f"{a.margin.allowable_mass_ratio:.3f} ({name}{_at(a.margin.critical_frequency)})"
+        for name, a in analyses.items()
+    )
+
+
+def _at(frequency: float) -> str:
+    return "" if np.isnan(frequency) else f", {frequency / (2.0 * np.pi):.2f} Hz"
+
+
+def _rounded_down(share: float) -> str:
+    return f"{np.floor(share * 1e4) / 1e4:.4f}"

@@ -1,0 +1,154 @@
+"""`bmd-rths stability`: the numbers of the paper from the command line, the verdict, and one line for wrong input."""
+
+import json
+
+import pytest
+
+from tests.nodes.conftest import CONFIG
+
+SIMPLIFIED, EIGHT_STORY = CONFIG, CONFIG.with_name("eight_story_bmd.yaml")
+EQUATION_9 = (
+    "simulated_table.sections=[1.0, 1.186, 3051.0, 1.0, 1.108, 2995.0, 1.0, 4.739, 10600.0, 1.0, 4.567, 10490.0, "
+    "0.0, 0.0, 8960.0, 1.0, 97.46, 8960.0, 0.0, 0.0, 21300.0, 1.0, 21.07, 21300.0, "
+    "0.0, 0.0, 61.661636485580146, 0.0, 1.0, 64.95]"
+)
+WITH_EQUATION_9 = ("--set", "simulated_table.dynamics=sections", "--set", EQUATION_9)
+QUICK = ("--no-sensitivity", "--json")
+#: Configuration, arguments, modes, allowable mass ratio, critical frequency [rad/s]: the table of the margins that were
+#: calculated from the paper.
+CELLS = [
+    (EIGHT_STORY, ("--scheme", "uc"), "identified", 0.1456, 36.09),
+    (EIGHT_STORY, ("--scheme", "uc"), "all", 0.1430, 35.97),
+    (EIGHT_STORY, ("--scheme", "plc"), "identified", 0.4729, 41.67),
+    (EIGHT_STORY, ("--scheme", "plc"), "all", 0.2369, 60.34),
+    (EIGHT_STORY, ("--scheme", "plc", "--feedback-delay", "1"), "identified", 0.2722, 38.05),
+    (EIGHT_STORY, ("--scheme", "plc", "--feedback-delay", "1"), "all", 0.1864, 59.88),
+    (EIGHT_STORY, ("--scheme", "uc", "--table", "perfect", "--feedback-delay", "1"), "identified", 0.7389, 47.90),
+    (EIGHT_STORY, ("--scheme", "uc", "--table", "perfect", "--feedback-delay", "1"), "all", 0.4849, 61.72),
+    (SIMPLIFIED, ("--scheme", "uc", "--table", "delay:25"), "identified", 0.1777, 92.96),
+    (SIMPLIFIED, ("--scheme", "uc", "--table", "delay:25"), "all", 0.2090, 93.05),
+    (SIMPLIFIED, ("--scheme", "uc", *WITH_EQUATION_9), "identified", 0.2359, 92.01),
+    (SIMPLIFIED, ("--scheme", "uc", *WITH_EQUATION_9), "all", 0.2685, 92.14),
+    (SIMPLIFIED, ("--scheme", "plc", "--table", "delay:25"), "identified", 0.0803, 95.25),
+    (SIMPLIFIED, ("--scheme", "plc", "--table", "delay:25"), "all", 0.1052, 95.37),
+]
+
+
+@pytest.fixture
+def result_of(run_main):
+    """Return the JSON object of a call that has to succeed."""
+
+    def result(*arguments):
+        status, output, errors = run_main("stability", *arguments, "--json")
+        assert (status, errors) == (0, "")
+        return json.loads(output)
+
+    return result
+
+
+@pytest.mark.parametrize(("config", "arguments", "modes", "ratio", "frequency"), CELLS)
+def test_margin_of_the_paper(result_of, config, arguments, modes, ratio, frequency):
+    result = result_of(config, *arguments, "--modes", modes, "--no-sensitivity")
+    assert round(result["allowable_mass_ratio"], 4) == ratio
+    assert round(result["critical_frequency_rad_s"], 2) == frequency
+    assert result["continuous"]["allowable_mass_ratio"] == result["allowable_mass_ratio"]
+    assert result["discrete"]["confirmed"] is True
+    assert result["modes"] == modes
+
+
+def test_eight_story_system_is_no_go_and_a_share_of_its_shear_is_go(result_of):
+    result = result_of(EIGHT_STORY, "--no-sensitivity")
+    assert result["verdict"] == "no-go"
+    assert round(result["mass_ratio"], 2) == 0.65
+    assert result["mass_ratio"] == result["whole_mass_ratio"]
+    analyses = [result[name] for name in ("continuous", "continuous_complete", "discrete")]
+    assert [analysis["stable"] for analysis in analyses] == [False, False, False]
+    assert result["discrete"]["spectral_radius"] > 1.0
+    assert "NO-GO: mass ratio 0.650 is above the allowable 0.237" in result["verdict_text"]
+    assert result["sensitivity"] is None
+    share = 0.99 * result["largest_feedback_scale"]
+    scaled = result_of(EIGHT_STORY, "--no-sensitivity", "--set", f"force_correction.feedback_scale={share}")
+    assert (scaled["verdict"], scaled["stable"]) == ("go", True)
+    assert scaled["mass_ratio"] < scaled["whole_mass_ratio"] == result["whole_mass_ratio"]
+    assert scaled["discrete"]["spectral_radius"] < 1.0
+
+
+def test_everything_of_the_object(result_of):
+    result = result_of(SIMPLIFIED, "--scheme", "plc", "--sweep", "--modes", "1", "--feedback-delay", "2")
+    assert (result["scheme"], result["table"], result["modes"], result["feedback_delay_steps"]) == (
+        *("plc", "identified", "1"),
+        2,
+    )
+    curve = result["sweep"]
+    assert {len(values) for values in curve.values()} == {200}
+    assert curve["numerical_frequency_rad_s"][0] < 94.09 < curve["numerical_frequency_rad_s"][-1]
+    alpha = next(entry for entry in result["sensitivity"] if entry["parameter"] == "command_shaper.alpha")
+    assert (alpha["decreased"]["value"], alpha["increased"]["value"]) == (4.5, 5.5)
+    assert set(alpha["increased"]["allowable_mass_ratio"]) == {"continuous", "continuous_complete", "discrete"}
+    scale = next(e for e in result["sensitivity"] if e["parameter"] == "force_correction.feedback_scale")
+    assert "<= 1 is required" in scale["increased"]["not_allowed"]
+
+
+def test_infinite_and_missing_numbers_are_null(result_of):
+    result = result_of(SIMPLIFIED, "--scheme", "uc", "--table", "perfect", "--no-sensitivity")
+    assert result["critical_frequency_rad_s"] is None
+    assert result["stable"] is True
+
+
+def test_measured_response_has_no_discrete_analysis(run_main, result_of, tmp_path):
+    (tmp_path / "table.csv").write_text("frequency_hz,magnitude,phase_deg\n0.1,1,-0.9\n50,1,-450\n100,0.1,-900\n")
+    result = result_of(SIMPLIFIED, "--scheme", "uc", "--table", "table.csv", "--no-sensitivity")
+    assert result["discrete"] is None
+    assert "measured frequency response" in result["discrete_reason"]
+    _, output, _ = run_main("stability", SIMPLIFIED, "--table", "table.csv", "--no-sensitivity")
+    assert "No discrete analysis" in output
+    assert "known up to 100 Hz" in output
+
+
+def test_person_reads_the_verdict_first(run_main):
+    status, output, errors = run_main("stability", EIGHT_STORY, "--no-sensitivity", "--sweep")
+    assert (status, errors) == (0, "")
+    assert output.startswith("NO-GO: mass ratio 0.650 is above the allowable")
+    for text in (
+        "UNSTABLE",
+        "allowable mass ratio",
+        "spectral radius",
+        "confirmed by simulation",
+        "over the numerical",
+    ):
+        assert text in output
+
+
+def test_person_reads_the_sensitivity(run_main):
+    _, output, _ = run_main("stability", SIMPLIFIED, "--scheme", "uc")
+    for text in ("GO: ", "specimen.stiffnesses[0]", "numerical_substructure.damping_coefficients[0]", "not allowed"):
+        assert text in output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--table", "delay:abc"), ["--table delay:abc", "0 to 1000 ms"]),
+        (("--table", "delay:-1"), ["--table delay:-1", "0 to 1000 ms"]),
+        (("--table", "delay:nan"), ["--table delay:nan", "0 to 1000 ms"]),
+        (("--table", "identifed"), ["--table identifed", "identified, perfect, delay:MS"]),
+        (("--table", "none.csv"), ["none.csv", "No such file"]),
+        (("--table", "header.csv"), ["header.csv", "line 1", "magnitude"]),
+        (("--table", "text.csv"), ["text.csv", "line 3", "'loud'"]),
+        (("--modes", "0"), ["modes: 0", "1 to 2"]),
+        (("--modes", "3"), ["modes: 3", "1 to 2"]),
+        (("--modes", "first"), ["modes: first", "identified, all"]),
+        (("--feedback-delay", "-1"), ["--feedback-delay", "-1"]),
+        (("--feedback-delay", "1.5"), ["--feedback-delay", "1.5"]),
+        (("--set", "specimen.damping_coefficients=[0.0, 0.0]"), ["damping_ratio 0"]),
+        (("--set", "simulated_table.sections=[1.0]", *WITH_EQUATION_9[:2]), ["simulated_table.sections"]),
+    ],
+)
+def test_wrong_input_is_one_clear_line(run_main, tmp_path, arguments, named):
+    (tmp_path / "header.csv").write_text("frequency_hz,phase_deg\n1,0\n2,0\n")
+    (tmp_path / "text.csv").write_text("frequency_hz,magnitude,phase_deg\n1,1,0\n2,loud,0\n")
+    status, output, errors = run_main("stability", SIMPLIFIED, *arguments)
+    assert (status, output, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith("error: ")
+    for text in named:
+        assert text in errors
