@@ -11,7 +11,12 @@ PACKAGE = "bmd_rths_nodes"
 LOOP = ("numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction")
 
 #: Parameter that each optional launch argument overrides.
-OVERRIDES = {"scheme": "run.scheme", "motion": "ground_motion.record", "table": "table.controller"}
+OVERRIDES = {
+    "scheme": "run.scheme",
+    "motion": "ground_motion.record",
+    "component": "ground_motion.component",
+    "table": "table.controller",
+}
 
 #: Exit status of a node that does not accept its parameters.
 REFUSED = 2
@@ -25,6 +30,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("config", default_value=config, description="Parameter file of all nodes"),
             DeclareLaunchArgument("scheme", default_value="", description="uc, fc, plc or plc_fc"),
             DeclareLaunchArgument("motion", default_value="", description="Name or file of the ground motion"),
+            DeclareLaunchArgument("component", default_value="", description="Component of a motion with several"),
             DeclareLaunchArgument("table", default_value="", description="Table controller"),
             DeclareLaunchArgument(
                 "record", default_value="true", choices=["true", "false"], description="Record the test into a bag"

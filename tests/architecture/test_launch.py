@@ -11,7 +11,7 @@ import pytest
 from bmd_rths_core.config import Config
 
 FOLDER = Path(__file__).parents[2] / "bmd_rths_nodes"
-GIVEN = {"config": "my.yaml", "scheme": "", "motion": "", "table": "", "record": "true"}
+GIVEN = {"config": "my.yaml", "scheme": "", "motion": "", "component": "", "table": "", "record": "true"}
 LOOP = {"numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction"}
 
 

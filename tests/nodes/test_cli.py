@@ -9,6 +9,7 @@ from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import run_metrics
 from bmd_rths_msgs_py.bag_reader import read_bag
+from bmd_rths_nodes.cli.main import cli
 from bmd_rths_nodes.naming import new_bag_directory
 from tests.nodes.conftest import CONFIG
 
@@ -66,9 +67,7 @@ def test_unstable_simulation_is_reported_and_has_status_1(run_main):
     assert json.loads(output)["stable"] is False
 
 
-@pytest.mark.parametrize(
-    "command", [(), ("run",), ("simulate",), ("stability",), ("analyze",), ("figures",)], ids=lambda c: " ".join(c)
-)
+@pytest.mark.parametrize("command", [(), *((name,) for name in cli.commands)], ids=" ".join)
 def test_help_has_an_example(run_main, command):
     status, output, _ = run_main(*command, "--help")
     assert status == 0
@@ -88,7 +87,7 @@ WRONG = {
     "NaN in the record": ("good.yaml", ["--motion", "nan.at2"], ["nan.at2", "line 5", "NaN"]),
     "too few values": ("good.yaml", ["--motion", "short.at2"], ["short.at2", "3", "4"]),
     "malformed record": ("good.yaml", ["--motion", "text.at2"], ["text.at2"]),
-    "unknown record format": ("good.yaml", ["--motion", "record.xyz"], ["record.xyz", ".at2", ".csv"]),
+    "unknown record format": ("good.yaml", ["--motion", "record.xyz"], ["record.xyz", "AT2", "CSV"]),
     "record is a folder": ("good.yaml", ["--motion", "folder.at2"], ["folder.at2", "directory"]),
     "time step is no divisor": ("good.yaml", ["--motion", "odd.at2"], ["0.007", "0.005"]),
     "duration beyond the record": ("good.yaml", ["--set", "ground_motion.duration=99.0"], ["99", "31.18"]),

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.parsing import UNITS_READ, TextFile, quoted, read_text, unit_factor
+from bmd_rths_core.ground_motion.record_file import RecordFile
+from bmd_rths_core.ground_motion.units import UNITS_READ, listed, quoted, unit_factor
 
 _SIZE_LINE = re.compile(r"\bNPTS\b", re.IGNORECASE)
 # "NPTS=  4000, DT= .01000 SEC", also without comma, without SEC, in lower case and with text after it
@@ -18,11 +20,11 @@ _KEYWORDS_FIRST = re.compile(
 )
 # "7200    0.0050    NPTS, DT"
 _VALUES_FIRST = re.compile(r"\s*([0-9]{1,9})[\s,]+([0-9.ED+-]+)()[\s,]+NPTS\s*,?\s*DT\b", re.IGNORECASE)
+#: Lines in which the one with NPTS and DT is looked for when a file is recognised.
+_HEADER_LINES = 100
 _TIME_UNITS = ("", "S", "SEC", "SECS", "SECOND", "SECONDS")
 # "UNITS OF G", "The units are (g)", "UNITS: cm/s²", but not "UNIT 2" of a power station
 _UNIT = re.compile(r"\bunits?\s*(?:\b(?:of|are|is|in)\b|[:=(])[\s(:=]*([^\s(),;:=]+)", re.IGNORECASE)
-# Fixed-width columns that are full run together: a sign after a digit begins the next number.
-_SEPARATOR = re.compile(r"[\s,]+|(?<=[0-9.])(?=[+-])")
 
 
 def read_at2(path: str | Path) -> GroundMotion:
@@ -47,19 +49,28 @@ def read_at2(path: str | Path) -> GroundMotion:
         The file cannot be read; the header has no NPTS, DT or unit; a value is not a finite number; or there are more
         or fewer values than NPTS.
     """
-    file = read_text(path)
+    return AT2.read(path)
+
+
+def _recognises(file: RecordFile) -> bool:
+    return file.is_text and any(
+        _KEYWORDS_FIRST.match(line.lstrip()) or _VALUES_FIRST.match(line) for line in file.lines[:_HEADER_LINES]
+    )
+
+
+def _channels(file: RecordFile) -> list[Channel]:
     size_line = next((n for n, line in enumerate(file.lines, 1) if _SIZE_LINE.search(line)), None)
     if size_line is None:
-        raise InputError(f"{path}: no header line with NPTS and DT, as 'NPTS=  4000, DT= .0100 SEC'")
+        raise InputError(f"{file.path}: no header line with NPTS and DT, as 'NPTS=  4000, DT= .0100 SEC'")
     steps, time_step = _size(file, size_line)
     factor = _factor(file, size_line)
-    values = _values(file, size_line)
+    values = file.numbers(size_line + 1, end="*** end")
     if len(values) != steps:
-        raise InputError(f"{path}: {len(values)} values, but line {size_line} gives NPTS = {steps}")
-    return GroundMotion(file.path.stem, time_step, np.array(values) * factor, str(path), file.sha256)
+        raise InputError(f"{file.path}: {len(values)} values, but line {size_line} gives NPTS = {steps}")
+    return [Channel("", time_step, np.array(values), factor)]
 
 
-def _size(file: TextFile, line_number: int) -> tuple[int, float]:
+def _size(file: RecordFile, line_number: int) -> tuple[int, float]:
     """Return the number of points and the time step [s]."""
     line = file.lines[line_number - 1]
     found = _KEYWORDS_FIRST.search(line) or _VALUES_FIRST.match(line)
@@ -71,21 +82,15 @@ def _size(file: TextFile, line_number: int) -> tuple[int, float]:
     return int(steps), file.number(line_number, time_step)
 
 
-def _factor(file: TextFile, size_line: int) -> float:
+def _factor(file: RecordFile, size_line: int) -> float:
     """Return the unit of the values in m/s², which the header must name: a guess could be wrong by 9.8."""
     names = [name.rstrip(".") for line in file.lines[:size_line] for name in _UNIT.findall(line)]
     factors = {unit_factor(name) for name in names}
     factor = factors.pop() if len(factors) == 1 else None
     if factor is None:
-        found = f"names {', '.join(quoted(name) for name in names)} as unit" if names else "names no unit"
+        found = f"names {listed(names)} as unit" if names else "names no unit"
         raise InputError(f"{file.path}: the header {found}; a line 'UNITS OF G' is required ({UNITS_READ})")
     return factor
 
 
-def _values(file: TextFile, size_line: int) -> list[float]:
-    values = []
-    for line_number, line in enumerate(file.lines[size_line:], size_line + 1):
-        if line.lower().startswith("*** end"):
-            break
-        values += [file.number(line_number, text) for text in _SEPARATOR.split(line) if text]
-    return values
+AT2 = RecordFormat("PEER AT2", (".at2",), _recognises, _channels)

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.parsing import UNITS_READ, TextFile, quoted, read_text, unit_factor
+from bmd_rths_core.ground_motion.record_file import RecordFile
+from bmd_rths_core.ground_motion.units import UNITS_READ, quoted, unit_factor
 
 #: Largest deviation of one interval of the time column from the time step, as a part of the time step.
 TIME_TOLERANCE = 1e-6
@@ -44,10 +46,19 @@ def read_csv(path: str | Path) -> GroundMotion:
         The file cannot be read; a column or its unit is missing or named twice; a value is not a finite number; or the
         time does not run from 0 in equal steps.
     """
-    file = read_text(path)
-    rows = [(n, line) for n, line in enumerate(file.lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    return CSV.read(path)
+
+
+def _recognises(file: RecordFile) -> bool:
+    header = next((line for line in file.lines if _is_row(line)), "") if file.is_text else ""
+    quantities = [quantity for quantity, _ in _quantities(_cells(header))]
+    return any(map(_is_time, quantities)) and any(map(_is_acceleration, quantities))
+
+
+def _channels(file: RecordFile) -> list[Channel]:
+    rows = [(n, line) for n, line in enumerate(file.lines, 1) if _is_row(line)]
     if len(rows) < 3:
-        raise InputError(f"{path}: {len(rows)} rows; a header as {_EXAMPLE} and two rows of numbers are required")
+        raise InputError(f"{file.path}: {len(rows)} rows; a header as {_EXAMPLE} and two rows of numbers are required")
     header_line, header = rows.pop(0)
     columns = _cells(header)
     time_column, acceleration_column, factor = _columns(file, header_line, columns)
@@ -61,36 +72,50 @@ def read_csv(path: str | Path) -> GroundMotion:
         time.append(file.number(line_number, cells[time_column]))
         acceleration.append(file.number(line_number, cells[acceleration_column]))
     time_step = _time_step(file, line_numbers, np.array(time))
-    return GroundMotion(file.path.stem, time_step, np.array(acceleration) * factor, str(path), file.sha256)
+    return [Channel("", time_step, np.array(acceleration), factor)]
 
 
 def _cells(line: str) -> list[str]:
     return [cell.strip(' \t"') for cell in line.split(",")]
 
 
-def _columns(file: TextFile, line_number: int, names: list[str]) -> tuple[int, int, float]:
+def _is_row(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _quantities(names: list[str]) -> list[tuple[str, str]]:
+    """Return quantity and unit of each column."""
+    found = [_COLUMN.fullmatch(name.lower()) for name in names]
+    return [(match[1], match[2].replace("_", "/")) if match else ("", "") for match in found]
+
+
+def _is_time(quantity: str) -> bool:
+    return quantity in ("time", "t")
+
+
+def _is_acceleration(quantity: str) -> bool:
+    return quantity.startswith("acc")
+
+
+def _columns(file: RecordFile, line_number: int, names: list[str]) -> tuple[int, int, float]:
     """Return the index of the time column, that of the acceleration column and the latter's unit in m/s²."""
-    quantities, units = [], []
-    for name in names:
-        found = _COLUMN.fullmatch(name.lower())
-        quantities.append(found[1] if found else "")
-        units.append(found[2].replace("_", "/") if found else "")
-    time = [i for i, quantity in enumerate(quantities) if quantity in ("time", "t")]
-    acceleration = [i for i, quantity in enumerate(quantities) if quantity.startswith("acc")]
+    quantities = _quantities(names)
+    time = [i for i, (quantity, _) in enumerate(quantities) if _is_time(quantity)]
+    acceleration = [i for i, (quantity, _) in enumerate(quantities) if _is_acceleration(quantity)]
     for kind, found_columns in (("time", time), ("acceleration", acceleration)):
         if len(found_columns) != 1:
             problem = f"{len(found_columns)} {kind} columns in {quoted(','.join(names))}"
             raise file.error(line_number, f"{problem}; one is required, as in {_EXAMPLE}")
-    if units[time[0]] != "s":
+    if quantities[time[0]][1] != "s":
         raise file.error(line_number, f"no unit s in column {quoted(names[time[0]])}; 'time_s' is required")
-    factor = unit_factor(units[acceleration[0]])
+    factor = unit_factor(quantities[acceleration[0]][1])
     if factor is None:
         column = quoted(names[acceleration[0]])
         raise file.error(line_number, f"no unit of acceleration in column {column}; {UNITS_READ} is required")
     return time[0], acceleration[0], factor
 
 
-def _time_step(file: TextFile, line_numbers: list[int], time: NDArray[np.float64]) -> float:
+def _time_step(file: RecordFile, line_numbers: list[int], time: NDArray[np.float64]) -> float:
     intervals = np.diff(time)
     # The median is the step of the file even when a row is missing, so that the line at fault is the one named.
     step = float(np.median(intervals))
@@ -102,3 +127,6 @@ def _time_step(file: TextFile, line_numbers: list[int], time: NDArray[np.float64
         problem = f"time {time[row]:.9g} s is {intervals[row - 1]:.9g} s after the row before"
         raise file.error(line_numbers[row], f"{problem}; equal steps > 0 are required (median {step:.9g} s)")
     return float(time[-1] / (time.size - 1))
+
+
+CSV = RecordFormat("CSV", (".csv",), _recognises, _channels)

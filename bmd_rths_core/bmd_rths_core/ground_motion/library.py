@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import re
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.at2 import read_at2
-from bmd_rths_core.ground_motion.csv_reader import read_csv
+from bmd_rths_core.ground_motion.at2 import AT2
+from bmd_rths_core.ground_motion.cosmos import COSMOS
+from bmd_rths_core.ground_motion.csmip import CSMIP
+from bmd_rths_core.ground_motion.csv_reader import CSV
+from bmd_rths_core.ground_motion.cwa import CWA
+from bmd_rths_core.ground_motion.esm import ESM
+from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, RecordFormat, choose
+from bmd_rths_core.ground_motion.geonet import GEONET
+from bmd_rths_core.ground_motion.jma import JMA
+from bmd_rths_core.ground_motion.knet import KNET
+from bmd_rths_core.ground_motion.mat import MAT
 from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.ground_motion.record_file import RecordFile, read_file
+from bmd_rths_core.ground_motion.simcenter import SIMCENTER
 
-# The extension in lower case. A new format is a new module with one reader, and one line here.
-_READERS: dict[str, Callable[[Path], GroundMotion]] = {".at2": read_at2, ".csv": read_csv}
+#: The formats that are read. A new one is a new module, and one entry here.
+FORMATS: tuple[RecordFormat, ...] = (AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT)
 
 # Records in the public domain; each is data/<name>.csv in this package.
 _SHIPPED = ("el_centro_1940_ns",)
+
+_NUMBERS_ONLY = re.compile(rb"[\s0-9.,EeDd+-]+")
 
 
 def shipped_records() -> tuple[str, ...]:
@@ -24,13 +38,17 @@ def shipped_records() -> tuple[str, ...]:
     return _SHIPPED
 
 
-def read_ground_motion(reference: str | Path) -> GroundMotion:
-    """Read a shipped record by its name, or a file by its path; the extension chooses the reader.
+def read_ground_motion(reference: str | Path, component: str = ONLY, unit: str = FROM_FILE) -> GroundMotion:
+    """Read a shipped record by its name, or a file by its path; the content of the file tells its format.
 
     Parameters
     ----------
     reference : str or Path
-        One of `shipped_records`, or the path of a file ending in ``.at2`` or ``.csv``, in either case of letters.
+        One of `shipped_records`, or the path of a file in one of `FORMATS`.
+    component : str
+        Which component of a file with several, in either case of letters; ``"only"`` for a file with one.
+    unit : str
+        Unit of a file that states none: ``"g"``, ``"m/s2"``, ``"cm/s2"`` or ``"gal"``; ``"from_file"`` for all others.
 
     Returns
     -------
@@ -40,15 +58,50 @@ def read_ground_motion(reference: str | Path) -> GroundMotion:
     Raises
     ------
     InputError
-        The reference is neither, or the file cannot be read or understood.
+        The reference is neither, the file cannot be read or understood, or component or unit are missing or contradict
+        it.
     """
     if str(reference) in _SHIPPED:
         data = resources.files("bmd_rths_core") / "data" / f"{reference}.csv"
         with resources.as_file(data) as path:
-            return replace(read_csv(path), source="shipped")
-    path = Path(reference)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        read = f"a file ending in {', '.join(_READERS)} or a shipped record ({', '.join(_SHIPPED)})"
-        raise InputError(f"{str(reference)!r} is not a ground motion that can be read; {read} is required")
-    return reader(path)
+            return replace(CSV.read(path, component, unit), source="shipped")
+    if not Path(reference).suffix and not os.path.exists(reference):
+        raise InputError(f"{str(reference)!r} is neither a file nor a shipped record ({', '.join(_SHIPPED)})")
+    file = read_file(reference)
+    return choose(file, format_of(file).channels(file), component, unit)
+
+
+def format_of(file: RecordFile) -> RecordFormat:
+    """Return the format of a file.
+
+    Content comes first. The extension only says which format is tried first, and whose reader explains what is wrong
+    with a file that no format recognises.
+
+    Parameters
+    ----------
+    file : RecordFile
+        The file.
+
+    Returns
+    -------
+    RecordFormat
+        One of `FORMATS`.
+
+    Raises
+    ------
+    InputError
+        It is in none of them.
+    """
+    suffix = file.path.suffix.lower()
+    named = [known for known in FORMATS if suffix in known.suffixes]
+    found = next((known for known in (*named, *FORMATS) if known.recognises(file)), None)
+    if found is not None:
+        return found
+    if named:
+        return named[0]
+    if _NUMBERS_ONLY.fullmatch(file.content):
+        raise InputError(
+            f"{file.path}: numbers only; a header with time step and unit is required, as AT2 and CSV have"
+        )
+    names = ", ".join(known.name for known in FORMATS)
+    raise InputError(f"{file.path}: not a ground motion in a format that is read: {names}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, UNIT_CHOICES
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import pad, resample, scale_to_peak, truncate
@@ -20,6 +21,12 @@ class GroundMotionConfig:
 
     record: str = parameter(
         "el_centro_1940_ns", description="Path of a ground-motion record, or the name of a record that is shipped"
+    )
+    component: str = parameter(
+        ONLY, description="Component of a file with several, as the file names it; only for a file with one"
+    )
+    unit: str = parameter(
+        FROM_FILE, description="Unit of the accelerations in a file that does not state it", choices=UNIT_CHOICES
     )
     peak_acceleration: float = parameter(
         1.0,
@@ -41,6 +48,10 @@ class GroundMotionConfig:
         check_parameters(self)
         if not self.record:
             raise InputError("ground_motion.record: empty; a path or the name of a shipped record is required")
+        if not self.component:
+            raise InputError(
+                f"ground_motion.component: empty; a name is required, {ONLY!r} for a file with one component"
+            )
 
 
 def select_ground_motion(config: GroundMotionConfig, time_step: float) -> GroundMotion:
@@ -64,9 +75,9 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
     Raises
     ------
     InputError
-        The record cannot be read, or its time step and Δt do not divide each other.
+        The record cannot be read, its component or unit is missing, or its time step and Δt do not divide each other.
     """
-    motion = read_ground_motion(config.record)
+    motion = read_ground_motion(config.record, config.component, config.unit)
     if config.duration > 0.0:
         motion = truncate(motion, config.duration)
     motion = resample(motion, time_step)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.parsing import quoted, read_text
+from bmd_rths_core.ground_motion.record_file import read_file
+from bmd_rths_core.ground_motion.units import quoted
 from bmd_rths_core.stability.elements import MeasuredResponse
 
 COLUMNS = ("frequency_hz", "magnitude", "phase_deg")
@@ -35,7 +36,7 @@ def read_frequency_response(path: str | Path) -> MeasuredResponse:
         The file cannot be read; a column is missing or named twice; a value is not a finite number; a magnitude is not
         positive; or the frequencies, two at least, do not rise from above 0.
     """
-    file = read_text(path)
+    file = read_file(path)
     rows = [(n, line) for n, line in enumerate(file.lines, 1) if line.strip() and not line.lstrip().startswith("#")]
     if len(rows) < 3:
         raise InputError(f"{path}: {len(rows)} rows; the header {','.join(COLUMNS)} and two rows are required")

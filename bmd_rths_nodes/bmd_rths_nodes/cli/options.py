@@ -20,6 +20,7 @@ from bmd_rths_core.schemes import SCHEME_NAMES
 config_argument = click.argument("config", metavar="CONFIG")
 scheme_option = click.option("--scheme", type=click.Choice(SCHEME_NAMES), help="Compensation scheme.")
 motion_option = click.option("--motion", metavar="FILE", help="Ground-motion record, or the name of a shipped one.")
+component_option = click.option("--component", metavar="NAME", help="Component of a record with several.")
 set_option = click.option(
     "--set", "settings", multiple=True, metavar="SECTION.KEY=VALUE", help="Any other parameter; may be repeated."
 )
@@ -27,7 +28,12 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 def resolve_config(
-    config: str, scheme: str | None, motion: str | None, settings: tuple[str, ...], **changes: object
+    config: str,
+    scheme: str | None,
+    motion: str | None,
+    settings: tuple[str, ...],
+    component: str | None = None,
+    **changes: object,
 ) -> Config:
     """Return the configuration of a command: the file, changed by the command line.
 
@@ -39,6 +45,8 @@ def resolve_config(
         Options of the command line.
     settings : tuple of str
         ``section.key=value``.
+    component : str, optional
+        Option of the command line.
     **changes : object
         Further changes as `Config.changed` takes them.
 
@@ -65,6 +73,8 @@ def resolve_config(
         changes["run__scheme"] = scheme
     if motion is not None:
         changes["ground_motion__record"] = motion
+    if component is not None:
+        changes["ground_motion__component"] = component
     resolved = load_config(_config_path(config)).changed(**changes)
     record = resolved.ground_motion.record
     if record in shipped_records():

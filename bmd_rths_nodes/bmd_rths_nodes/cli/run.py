@@ -19,6 +19,7 @@ from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
 from bmd_rths_nodes.cli.options import (
     check_writable,
+    component_option,
     config_argument,
     json_option,
     log,
@@ -59,6 +60,7 @@ class RunFailed(Exception):
 @config_argument
 @scheme_option
 @motion_option
+@component_option
 @set_option
 @click.option("--lockstep", is_flag=True, help="Start each step when the last one has closed, as fast as it goes.")
 @click.option("--composed", is_flag=True, help="Run the five nodes of the loop in one process.")
@@ -68,6 +70,7 @@ def run(
     config: str,
     scheme: str | None,
     motion: str | None,
+    component: str | None,
     settings: tuple[str, ...],
     lockstep: bool,
     composed: bool,
@@ -79,7 +82,7 @@ def run(
     Starts the five nodes and the recorder, waits until they have found each other, runs the ground motion and
     computes the errors from the bag. Ctrl-C ends the test in order.
     """
-    resolved = resolve_config(config, scheme, motion, settings, run__record=True)
+    resolved = resolve_config(config, scheme, motion, settings, component, run__record=True)
     if lockstep:
         resolved = resolved.changed(run__lockstep=True)
     steps = select_ground_motion(resolved.ground_motion, resolved.run.time_step).steps

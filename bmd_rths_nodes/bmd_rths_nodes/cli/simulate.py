@@ -11,6 +11,7 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.options import (
     check_writable,
+    component_option,
     config_argument,
     json_option,
     motion_option,
@@ -27,14 +28,21 @@ from bmd_rths_nodes.naming import new_bag_directory
 @config_argument
 @scheme_option
 @motion_option
+@component_option
 @set_option
 @click.option("--output", type=click.Path(path_type=Path), help="Folder to write a bag of the run into.")
 @json_option
 def simulate(
-    config: str, scheme: str | None, motion: str | None, settings: tuple[str, ...], output: Path | None, as_json: bool
+    config: str,
+    scheme: str | None,
+    motion: str | None,
+    component: str | None,
+    settings: tuple[str, ...],
+    output: Path | None,
+    as_json: bool,
 ) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
-    resolved = resolve_config(config, scheme, motion, settings)
+    resolved = resolve_config(config, scheme, motion, settings, component)
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     if output is not None:
         check_writable(output)

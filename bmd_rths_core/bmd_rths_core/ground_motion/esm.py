@@ -1,0 +1,59 @@
+"""Reader of ASCII files of the Engineering Strong-Motion database, Europe."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
+from bmd_rths_core.ground_motion.header import Header
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.ground_motion.record_file import RecordFile
+from bmd_rths_core.ground_motion.units import quoted
+
+# "SAMPLING_INTERVAL_S: 0.005000"
+_ENTRY = re.compile(r"([A-Z][A-Z0-9_/^]*):(.*)")
+
+
+def read_esm(path: str | Path) -> GroundMotion:
+    """Read an ESM ASCII file (header DYNA 1.2): one component of acceleration, one value in a line.
+
+    ITACA files have the same header. Nothing is corrected. (Luzi et al. 2016, Seismol. Res. Lett. 87(4); esm-db.eu.)
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    GroundMotion
+        The record in m/s².
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, it holds velocities or displacements, a line of the header or of the values is wrong,
+        or there are more or fewer values than NDATA.
+    """
+    return ESM.read(path)
+
+
+def _recognises(file: RecordFile) -> bool:
+    return file.content.startswith(b"EVENT_NAME:") and b"\nSAMPLING_INTERVAL_S:" in file.content[:8000]
+
+
+def _channels(file: RecordFile) -> list[Channel]:
+    header = Header(file, _ENTRY)
+    line_number, kind = header.text("DATA_TYPE")
+    if kind != "ACCELERATION":
+        raise file.error(line_number, f"DATA_TYPE {quoted(kind)}; ACCELERATION is required")
+    unit = header.unit("UNITS")
+    values = np.array(file.numbers(header.first_line_behind))
+    file.check_count(len(values), header.positive("NDATA"), "NDATA is")
+    return [Channel(header.text("STREAM")[1], header.positive("SAMPLING_INTERVAL_S"), values, unit)]
+
+
+ESM = RecordFormat("ESM", (), _recognises, _channels)

@@ -1,0 +1,96 @@
+"""``bmd-rths motions``: what ground motions a folder holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn
+from rich.table import Table
+from rich.text import Text
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.catalogue import CatalogueEntry, catalogue, record_files
+from bmd_rths_nodes.cli.options import json_option, progress_bar
+
+#: Most characters of a line of the table.
+_WIDTH = 250
+
+#: Columns of the table: key of the object of ``--json``, heading, format.
+_COLUMNS = (
+    ("time_step_s", "Δt [s]", "g"),
+    ("points", "points", "d"),
+    ("duration_s", "length [s]", ".2f"),
+    ("pga_m_s2", "PGA [m/s²]", ".4f"),
+    ("pgv_m_s", "PGV [m/s]", ".3f"),
+    ("dominant_frequency_hz", "f [Hz]", ".2f"),
+    ("significant_duration_s", "D5-95 [s]", ".2f"),
+)
+
+
+@click.command(epilog="Example: bmd-rths motions records --json")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@json_option
+def motions(folder: Path, as_json: bool) -> int:
+    """List the ground motions below a folder, and what is wrong with the other files.
+
+    f is the frequency of the peak of the power spectral density of the acceleration (Welch, segments of 10 s), D5-95
+    the significant duration. PGV is integrated from rest without any correction.
+    """
+    paths = record_files(folder)
+    records: list[dict[str, Any]] = []
+    not_read: list[dict[str, str]] = []
+    with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
+        for path in progress.track(paths, description="reading"):
+            name = path.name if path == folder else path.relative_to(folder).as_posix()
+            try:
+                records += [{"file": name, **_plain(entry)} for entry in catalogue(path)]
+            except InputError as error:
+                not_read.append({"file": name, "problem": str(error).removeprefix(f"{path}: ")})
+    if as_json:
+        click.echo(json.dumps({"records": records, "not_read": not_read}))
+    else:
+        _show(records, not_read)
+    return 0
+
+
+def _plain(entry: CatalogueEntry) -> dict[str, Any]:
+    """Return what is told about a record; what cannot be known without the unit is None."""
+    motion, measures = entry.motion, entry.intensity
+    plain = {
+        "format": entry.format,
+        "component": entry.component,
+        "states_unit": entry.states_unit,
+        "time_step_s": motion.time_step,
+        "points": motion.steps,
+        "duration_s": motion.duration,
+        "pga_m_s2": measures.peak_acceleration if entry.states_unit else None,
+        "pgv_m_s": measures.peak_velocity if entry.states_unit else None,
+        "arias_intensity_m_s": measures.arias_intensity if entry.states_unit else None,
+        "dominant_frequency_hz": measures.dominant_frequency,
+        "significant_duration_s": measures.significant_duration,
+    }
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in plain.items()
+    }
+
+
+def _show(records: list[dict[str, Any]], not_read: list[dict[str, str]]) -> None:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("file", "format", "component"):
+        table.add_column(heading, no_wrap=True)
+    for _, heading, _ in _COLUMNS:
+        table.add_column(Text(heading), justify="right", no_wrap=True)
+    for record in records:
+        cells = ("unknown" if record[key] is None else format(record[key], form) for key, _, form in _COLUMNS)
+        table.add_row(Text(record["file"]), record["format"], Text(record["component"]), *cells)
+    # As wide as it needs to be: a terminal folds long lines, a pipe keeps them.
+    Console(width=_WIDTH).print(table)
+    if not all(record["states_unit"] for record in records):
+        click.echo("unknown: the file states no unit; ground_motion.unit has to give it")
+    for entry in not_read:
+        click.echo(f"not read: {entry['file']}: {entry['problem']}")
