@@ -170,6 +170,30 @@ class Config:
             mapping.setdefault(section, {})[key] = value
         return config_from_mapping(mapping)
 
+    def merged(self, path: str | Path) -> Config:
+        """Return a copy with the parameters of another file, for example an identified model, over its own.
+
+        Parameters
+        ----------
+        path : str or Path
+            File as `load_config` reads it. What it does not name stays, as with a second ``--params-file`` of ROS.
+
+        Returns
+        -------
+        Config
+            The validated copy.
+
+        Raises
+        ------
+        InputError
+            The file is wrong; it is named.
+        """
+        mapping: dict[str, Any] = self.as_mapping()
+        for name, values in _read_sections(path).items():
+            known = isinstance(values, Mapping) and name in mapping
+            mapping[name] = {**mapping[name], **values} if known else values
+        return _named(path, mapping)
+
 
 #: Section classes by name, in the order of the file.
 SECTIONS: dict[str, type] = {f.name: cast(type, f.default_factory) for f in fields(Config)}
@@ -219,27 +243,7 @@ def load_config(path: str | Path) -> Config:
     InputError
         The file cannot be read, is not such a file, or a value in it is not allowed; the file is named.
     """
-    try:
-        with open(path, encoding="utf-8") as file:
-            document = yaml.load(file, Loader=_UniqueKeyLoader)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', error)}") from error
-    try:
-        parameters = document["/**"]["ros__parameters"]
-    except (TypeError, KeyError):
-        raise InputError(
-            f"{path}: no parameters found; they are required below '/**:' and 'ros__parameters:'"
-        ) from None
-    if not isinstance(parameters, Mapping):
-        raise InputError(f"{path}: 'ros__parameters:' holds {parameters!r}; sections are required")
-    try:
-        return config_from_mapping(parameters)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return _named(path, _read_sections(path))
 
 
 def dump_config(config: Config) -> str:
@@ -260,6 +264,35 @@ def dump_config(config: Config) -> str:
         for name, section in config.as_mapping().items()
     }
     return str(yaml.safe_dump({"/**": {"ros__parameters": sections}}, sort_keys=False, default_flow_style=None))
+
+
+def _named(path: str | Path, mapping: Mapping[str, Any]) -> Config:
+    """Return the configuration of a mapping; what is wrong is told with the path."""
+    try:
+        return config_from_mapping(mapping)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read_sections(path: str | Path) -> Mapping[str, Any]:
+    try:
+        with open(path, encoding="utf-8") as file:
+            document = yaml.load(file, Loader=_UniqueKeyLoader)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" line {mark.line + 1}" if mark else ""
+        raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', error)}") from error
+    try:
+        parameters = document["/**"]["ros__parameters"]
+    except (TypeError, KeyError):
+        raise InputError(
+            f"{path}: no parameters found; they are required below '/**:' and 'ros__parameters:'"
+        ) from None
+    if not isinstance(parameters, Mapping):
+        raise InputError(f"{path}: 'ros__parameters:' holds {parameters!r}; sections are required")
+    return parameters
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types

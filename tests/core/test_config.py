@@ -125,3 +125,42 @@ def test_dumped_file_is_a_ros_parameter_file():
     document = yaml.safe_load(dump_config(Config()))
     assert list(document) == ["/**"]
     assert list(document["/**"]) == ["ros__parameters"]
+
+
+def test_partial_file_replaces_what_it_names_and_nothing_else(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(below("command_shaper: {alpha: 3.8}", "specimen: {identified_frequency: 30.0}"))
+    config = Config().changed(run__scheme="uc", command_shaper__w1=3.0)
+    assert config.merged(path) == config.changed(command_shaper__alpha=3.8, specimen__identified_frequency=30.0)
+
+
+def test_specimen_of_other_height_can_be_merged(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(below("specimen: {masses: [1.0], stiffnesses: [2.0], damping_coefficients: [3.0]}"))
+    assert Config().merged(path).specimen.building().stories == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (below("command_shaper: {alfa: 3.8}"), "command_shaper.alfa: unknown parameter"),
+        (below("shaper: {alpha: 3.8}"), "shaper: unknown section"),
+        (below("shaper: 3.8"), "shaper: unknown section"),
+        (below("command_shaper: 3.8"), "command_shaper: 3.8 is not a section"),
+        (below("specimen: {masses: [1.0]}"), "one entry a story"),
+        ("a: [", "not valid YAML"),
+        ("a: 1", "no parameters found"),
+    ],
+)
+def test_wrong_partial_file_is_named_in_one_line(text, expected, tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=expected) as error:
+        Config().merged(path)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+def test_missing_partial_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"none\.yaml: cannot be read"):
+        Config().merged(tmp_path / "none.yaml")

@@ -13,7 +13,6 @@ EQUATION_9 = (
     "0.0, 0.0, 61.661636485580146, 0.0, 1.0, 64.95]"
 )
 WITH_EQUATION_9 = ("--set", "simulated_table.dynamics=sections", "--set", EQUATION_9)
-QUICK = ("--no-sensitivity", "--json")
 #: Configuration, arguments, modes, allowable mass ratio, critical frequency [rad/s]: the table of the margins that were
 #: calculated from the paper.
 CELLS = [
@@ -152,3 +151,21 @@ def test_wrong_input_is_one_clear_line(run_main, tmp_path, arguments, named):
     assert errors.startswith("error: ")
     for text in named:
         assert text in errors
+
+
+def test_files_that_identify_writes_are_tables(run_main, result_of, tmp_path):
+    """Measured in one noisy run, as a model and as data, the table has the margin of the true one, within a few %."""
+    files = ("--output", tmp_path / "model.yaml", "--frf", tmp_path / "measured.csv")
+    status, _, errors = run_main("identify", SIMPLIFIED, "--what", "table", *files, "--json")
+    assert status == 0, errors
+    asked = (SIMPLIFIED, "--scheme", "uc", "--no-sensitivity")
+    true, by_option, model, data = (
+        result_of(*asked, *table) for table in ((), ("--model", files[1]), ("--table", files[1]), ("--table", files[3]))
+    )
+    assert model["allowable_mass_ratio"] == by_option["allowable_mass_ratio"] != true["allowable_mass_ratio"]
+    assert model["allowable_mass_ratio"] == pytest.approx(true["allowable_mass_ratio"], rel=0.01)
+    assert model["discrete"]["allowable_mass_ratio"] == pytest.approx(
+        true["discrete"]["allowable_mass_ratio"], rel=0.01
+    )
+    assert data["allowable_mass_ratio"] == pytest.approx(true["allowable_mass_ratio"], rel=0.05)
+    assert data["discrete"] is None

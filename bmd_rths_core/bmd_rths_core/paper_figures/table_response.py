@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from bmd_rths_core.assembly import make_command_limit, make_table_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.identification.driving import drive
+from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
 from bmd_rths_core.identification.frequency_response import (
     FrequencyResponse,
     estimate_frequency_response,
@@ -21,23 +23,21 @@ from bmd_rths_core.paper_figures.systems import EIGHT_STORY, SIMPLIFIED, PaperSy
 from bmd_rths_core.safety import LimitExceeded
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import simulated_table
-from bmd_rths_core.table.controller import TableCommand
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: Band that is measured and shown, and the one in which the delay of a phase is taken [rad/s].
-SHOWN_BAND = (2.0 * np.pi * 0.3, 2.0 * np.pi * 20.0)
+SHOWN_BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 20.0)
 DELAY_BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 8.0)
 
-#: Excitation of the identification run: band [Hz], RMS [m/s²], duration [s]. Assumed, the paper does not give its own.
-_BAND, _AMPLITUDE, _DURATION = (0.2, 25.0), 0.5, 300.0
+#: Excitation of the identification run. Assumed, the paper does not give its own.
+_EXCITATION = ExcitationSettings(
+    kind="noise", band=(2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0), amplitude=2.0, duration=300.0, seed=0, stroke=0.25
+)
 
 #: Frequencies at which the model is drawn; its sharpest resonance is several of them wide.
 _POINTS = 2001
-
-#: How often progress is reported [steps].
-_PROGRESS_PERIOD = 1000
 
 
 @dataclass(frozen=True)
@@ -137,22 +137,14 @@ def measure_table(config: Config, progress: Callable[[float], None] | None = Non
         The excitation passes a limit of the command.
     """
     step = config.run.time_step
-    command = _band_limited_noise(round(_DURATION / step), step, config.run.seed)
-    achieved = np.empty(len(command))
-    limit, table = make_command_limit(config), make_table_controller(config)
-    table.connect()
+    commands = excitation_command(replace(_EXCITATION, seed=config.run.seed), step)
+    table, limit = make_table_controller(config), make_command_limit(config)
+    told = None if progress is None else lambda steps: progress(steps / len(commands))
     try:
-        for k, acceleration in enumerate(command.tolist()):
-            limit.step(k, acceleration)
-            achieved[k] = table.exchange(TableCommand(k, acceleration)).table_acceleration
-            if progress is not None and k % _PROGRESS_PERIOD == 0:
-                progress(k / len(command))
+        responses = drive(table, limit, commands, step, told)
     except LimitExceeded as trip:
-        raise InputError(f"identification run of {_AMPLITUDE:g} m/s2 RMS: {trip}") from trip
-    finally:
-        table.stop()
-        table.close()
-    return without_hold(estimate_frequency_response(command, achieved, step), step)
+        raise InputError(f"identification run of {_EXCITATION.amplitude:g} m/s2: {trip}") from trip
+    return without_hold(estimate_frequency_response(responses.command, responses.table, step), step)
 
 
 def equivalent_delay(frequencies: FloatArray, response: ComplexArray) -> float:
@@ -204,8 +196,8 @@ def _figure(
         number=number,
         title=f"Transfer function of the table with the specimen of the {system.name}",
         model_name=table_name(config),
-        note=f'"measured" is simulated: band-limited noise of {_AMPLITUDE:g} m/s² RMS for {_DURATION:g} s, '
-        f"sensor noise of {noise:g} m/s² RMS{note}",
+        note=f'"measured" is simulated: band-limited noise up to {_EXCITATION.amplitude:g} m/s² for '
+        f"{_EXCITATION.duration:g} s, sensor noise of {noise:g} m/s² RMS{note}",
         measured=measured,
         frequencies=omega,
         model=model,
@@ -213,13 +205,3 @@ def _figure(
         interaction=interaction,
         comparisons=tuple(comparisons),
     )
-
-
-def _band_limited_noise(steps: int, time_step: float, seed: int) -> FloatArray:
-    """Return Gaussian noise with a flat spectrum in the band and nothing outside."""
-    random = np.random.default_rng((seed, 1))  # the sensors take their noise from the seed alone
-    spectrum = np.fft.rfft(random.standard_normal(steps))
-    hertz = np.fft.rfftfreq(steps, time_step)
-    spectrum[(hertz < _BAND[0]) | (hertz > _BAND[1])] = 0.0
-    noise = np.fft.irfft(spectrum, steps)
-    return np.asarray(_AMPLITUDE * noise / np.sqrt(np.mean(noise**2)))

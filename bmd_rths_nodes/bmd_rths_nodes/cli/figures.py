@@ -21,7 +21,8 @@ from bmd_rths_core.paper_figures.catalogue import FigureData, figure_data
 from bmd_rths_core.paper_figures.systems import FIGURES, system_of
 from bmd_rths_core.paper_figures.time_history import TimeHistory
 from bmd_rths_core.plots import FORMATS
-from bmd_rths_nodes.cli.options import check_writable, json_option, log, motion_option, progress_bar, resolve_config
+from bmd_rths_nodes.cli.configuration import ConfigChoice
+from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 
 #: Configurations of the two systems of the paper, installed with this package.
 _PAPER = ("eight_story_bmd", "simplified_bmd")
@@ -38,7 +39,7 @@ Drawn = tuple[FigureData, list[Path]]
 @click.argument("configs", metavar="[CONFIG]...", nargs=-1)
 @click.option("--output", type=click.Path(path_type=Path), default="figures", show_default=True, help="Folder.")
 @click.option("--only", metavar="NUMBERS", help=f"Some of {','.join(map(str, FIGURES))}.")
-@motion_option
+@click.option("--motion", metavar="FILE", help="Ground-motion record of Figure 13.")
 @click.option("--format", "formats", default=",".join(FORMATS), show_default=True, help="File formats.")
 @json_option
 def figures(
@@ -70,7 +71,7 @@ def _figures_of(configs: Sequence[str], motion: str | None, only: str | None) ->
     """Return the figures to draw and the configuration of each."""
     found: dict[int, Config] = {}
     for name in configs:
-        config = resolve_config(name, None, motion, ())
+        config = ConfigChoice(name, motion=motion).resolve()
         try:
             system = system_of(config)
         except InputError as error:

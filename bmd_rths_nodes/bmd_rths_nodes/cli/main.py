@@ -10,6 +10,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.version import __version__
 from bmd_rths_nodes.cli.analyze import analyze
 from bmd_rths_nodes.cli.figures import figures
+from bmd_rths_nodes.cli.identify import identify
 from bmd_rths_nodes.cli.motions import motions
 from bmd_rths_nodes.cli.options import log
 from bmd_rths_nodes.cli.run import run
@@ -32,6 +33,7 @@ cli.add_command(stability)
 cli.add_command(analyze)
 cli.add_command(figures)
 cli.add_command(motions)
+cli.add_command(identify)
 
 
 def main() -> int:

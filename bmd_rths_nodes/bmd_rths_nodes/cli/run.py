@@ -17,18 +17,8 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
-from bmd_rths_nodes.cli.options import (
-    check_writable,
-    component_option,
-    config_argument,
-    json_option,
-    log,
-    motion_option,
-    progress_bar,
-    resolve_config,
-    scheme_option,
-    set_option,
-)
+from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.monitor import RunMonitor
@@ -57,21 +47,13 @@ class RunFailed(Exception):
 
 
 @click.command(epilog="Example: bmd-rths run config/simplified_bmd.yaml --scheme plc_fc --output bags")
-@config_argument
-@scheme_option
-@motion_option
-@component_option
-@set_option
+@configured("scheme", "motion", "component")
 @click.option("--lockstep", is_flag=True, help="Start each step when the last one has closed, as fast as it goes.")
 @click.option("--composed", is_flag=True, help="Run the five nodes of the loop in one process.")
 @click.option("--output", type=click.Path(path_type=Path), help="Folder the bag is written into.")
 @json_option
 def run(
-    config: str,
-    scheme: str | None,
-    motion: str | None,
-    component: str | None,
-    settings: tuple[str, ...],
+    choice: ConfigChoice,
     lockstep: bool,
     composed: bool,
     output: Path | None,
@@ -82,7 +64,7 @@ def run(
     Starts the five nodes and the recorder, waits until they have found each other, runs the ground motion and
     computes the errors from the bag. Ctrl-C ends the test in order.
     """
-    resolved = resolve_config(config, scheme, motion, settings, component, run__record=True)
+    resolved = choice.resolve(run__record=True)
     if lockstep:
         resolved = resolved.changed(run__lockstep=True)
     steps = select_ground_motion(resolved.ground_motion, resolved.run.time_step).steps

@@ -9,40 +9,19 @@ import click
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.record_bag import write_record
-from bmd_rths_nodes.cli.options import (
-    check_writable,
-    component_option,
-    config_argument,
-    json_option,
-    motion_option,
-    progress_bar,
-    resolve_config,
-    scheme_option,
-    set_option,
-)
+from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.options import check_writable, json_option, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.naming import new_bag_directory
 
 
 @click.command(epilog="Example: bmd-rths simulate config/simplified_bmd.yaml --scheme uc --json")
-@config_argument
-@scheme_option
-@motion_option
-@component_option
-@set_option
+@configured("scheme", "motion", "component")
 @click.option("--output", type=click.Path(path_type=Path), help="Folder to write a bag of the run into.")
 @json_option
-def simulate(
-    config: str,
-    scheme: str | None,
-    motion: str | None,
-    component: str | None,
-    settings: tuple[str, ...],
-    output: Path | None,
-    as_json: bool,
-) -> int:
+def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
-    resolved = resolve_config(config, scheme, motion, settings, component)
+    resolved = choice.resolve()
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     if output is not None:
         check_writable(output)

@@ -21,14 +21,8 @@ from bmd_rths_core.stability.continuous import MarginCurve
 from bmd_rths_core.stability.elements import MeasuredResponse
 from bmd_rths_core.stability.response_file import read_frequency_response
 from bmd_rths_core.stability.sensitivity import ChangedParameter, ParameterSensitivity, sensitivity
-from bmd_rths_nodes.cli.options import (
-    config_argument,
-    json_option,
-    progress_bar,
-    resolve_config,
-    scheme_option,
-    set_option,
-)
+from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.options import json_option, progress_bar
 from bmd_rths_nodes.cli.results import without_nan
 
 #: Longest pure delay of --table [ms], that of simulated_table.command_delay.
@@ -42,14 +36,13 @@ _WIDTH = 116
 
 
 @click.command(epilog="Example: bmd-rths stability config/eight_story_bmd.yaml --scheme uc --modes identified")
-@config_argument
-@scheme_option
+@configured("scheme")
 @click.option(
     "--table",
     default="identified",
     metavar="identified|perfect|delay:MS|FILE",
-    help="Table: the simulated one of the configuration, a perfect one, a pure delay in ms, or a measured frequency "
-    "response (CSV with frequency_hz, magnitude, phase_deg).",
+    help="Table: the simulated one of the configuration, a perfect one, a pure delay in ms, a model that `bmd-rths "
+    "identify` wrote (YAML), or a measured frequency response (CSV with frequency_hz, magnitude, phase_deg).",
 )
 @click.option(
     "--modes",
@@ -67,17 +60,14 @@ _WIDTH = 116
 )
 @click.option("--sweep", "with_sweep", is_flag=True, help="Allowable mass ratio over the numerical frequency.")
 @click.option("--sensitivity/--no-sensitivity", "with_sensitivity", default=True, help="Change every parameter 10 %.")
-@set_option
 @json_option
 def stability(
-    config: str,
-    scheme: str | None,
+    choice: ConfigChoice,
     table: str,
     modes: str,
     feedback_delay: int,
     with_sweep: bool,
     with_sensitivity: bool,
-    settings: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Tell whether the loop of a configuration is stable: go or no-go before a test.
@@ -85,7 +75,7 @@ def stability(
     Three analyses stand side by side: Eqs. 7 and 8 of the paper, the same with all modes and the delay of the loop,
     and the eigenvalues of the loop as it is run, confirmed in the time domain. The exit status is 0 for both verdicts.
     """
-    resolved, measured = _with_table(resolve_config(config, scheme, None, settings), table)
+    resolved, measured = _with_table(choice.resolve(), table)
     options = AnalysisOptions(int(modes) if modes.removeprefix("-").isdecimal() else modes, feedback_delay, measured)
     assessment = assess(resolved, options)
     confirmation = None if assessment.discrete is None else confirm(resolved, assessment.discrete.margin)
@@ -134,8 +124,10 @@ def _with_table(config: Config, table: str) -> tuple[Config, MeasuredResponse | 
             raise InputError(f"--table {table}: {delay!r} is not allowed; a delay from 0 to 1000 ms is required")
         changes = {"simulated_table__dynamics": "perfect", "simulated_table__command_delay": milliseconds * 1e-3}
         return config.changed(**changes), None
+    if table.endswith((".yaml", ".yml")):
+        return config.merged(table), None
     if not (table.endswith(".csv") or Path(table).is_file()):
-        raise InputError(f"--table {table}: unknown; identified, perfect, delay:MS or a CSV file is required")
+        raise InputError(f"--table {table}: unknown; identified, perfect, delay:MS, a YAML or a CSV file is required")
     return config, read_frequency_response(table)
 
 

@@ -1,0 +1,157 @@
+"""The configuration of a command: CONFIG and every option that changes it, as one argument."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import yaml
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+
+from bmd_rths_core.config import Config, load_config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.library import shipped_records
+from bmd_rths_core.schemes import SCHEME_NAMES
+
+Command = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class ConfigChoice:
+    """What the command line says about the configuration.
+
+    Parameters
+    ----------
+    config : str
+        Path of a configuration file, or the name of one that is installed.
+    scheme, motion, component : str, optional
+        Options of the command line.
+    models : tuple of str
+        Files whose parameters replace those of the configuration file, a later one those of an earlier one.
+    settings : tuple of str
+        ``section.key=value``.
+    """
+
+    config: str
+    scheme: str | None = None
+    motion: str | None = None
+    component: str | None = None
+    models: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
+
+    def resolve(self, **changes: object) -> Config:
+        """Return the configuration: the file, the models over it, changed by the options.
+
+        Parameters
+        ----------
+        **changes : object
+            Further changes as `Config.changed` takes them; those of the command line override them.
+
+        Returns
+        -------
+        Config
+            With an absolute path of the ground motion, because nodes may run elsewhere.
+
+        Raises
+        ------
+        InputError
+            Anything is wrong with it.
+        """
+        for setting in self.settings:
+            name, equals, value = setting.partition("=")
+            section, dot, key = name.partition(".")
+            if not (equals and dot and key):
+                raise InputError(f"--set {setting}: SECTION.KEY=VALUE is required")
+            try:
+                changes[f"{section}__{key}"] = yaml.safe_load(value)
+            except yaml.YAMLError as error:
+                raise InputError(f"--set {setting}: {value!r} is not a YAML value") from error
+        options = {
+            "run__scheme": self.scheme,
+            "ground_motion__record": self.motion,
+            "ground_motion__component": self.component,
+        }
+        changes |= {name: value for name, value in options.items() if value is not None}
+        resolved = load_config(_config_path(self.config))
+        for model in self.models:
+            resolved = resolved.merged(model)
+        resolved = resolved.changed(**changes)
+        record = resolved.ground_motion.record
+        if record in shipped_records():
+            return resolved
+        return resolved.changed(ground_motion__record=os.path.abspath(record))
+
+
+#: Options that only some commands have.
+_OPTIONS = {
+    "scheme": click.option("--scheme", type=click.Choice(SCHEME_NAMES), help="Compensation scheme."),
+    "motion": click.option("--motion", metavar="FILE", help="Ground-motion record, or the name of a shipped one."),
+    "component": click.option("--component", metavar="NAME", help="Component of a record with several."),
+}
+
+
+def configured(*names: str) -> Callable[[Command], Command]:
+    """Give a command CONFIG, ``--model``, ``--set`` and some options more, as its first argument, a `ConfigChoice`.
+
+    Parameters
+    ----------
+    *names : str
+        Some of ``scheme``, ``motion`` and ``component``.
+
+    Returns
+    -------
+    callable
+        Decorator; it stands between those of click.
+    """
+
+    def decorate(command: Command) -> Command:
+        @functools.wraps(command)
+        def with_choice(config: str, models: tuple[str, ...], settings: tuple[str, ...], **options: Any) -> Any:
+            chosen = {name: options.pop(name) for name in names}
+            return command(ConfigChoice(config, models=models, settings=settings, **chosen), **options)
+
+        decorators = (
+            click.argument("config", metavar="CONFIG"),
+            *(_OPTIONS[name] for name in names),
+            click.option(
+                "--model",
+                "models",
+                multiple=True,
+                metavar="FILE",
+                help="Parameters over those of CONFIG, as `bmd-rths identify` writes them; may be repeated.",
+            ),
+            click.option(
+                "--set", "settings", multiple=True, metavar="SECTION.KEY=VALUE", help="Any other parameter; repeatable."
+            ),
+        )
+        for decorator in reversed(decorators):
+            with_choice = decorator(with_choice)
+        return with_choice
+
+    return decorate
+
+
+def installed_configs() -> dict[str, Path]:
+    """Return the configurations that are installed with the package, by name."""
+    try:
+        share = Path(get_package_share_directory("bmd_rths_nodes"))
+    except (PackageNotFoundError, OSError):  # the latter when no ROS environment is sourced
+        share = Path(sys.prefix) / "share" / "bmd_rths_nodes"
+    return {path.stem: path for path in sorted((share / "config").glob("*.yaml"))}
+
+
+def _config_path(config: str) -> Path:
+    path = Path(config)
+    if path.suffix or path.exists():
+        return path
+    installed = installed_configs()
+    if config not in installed:
+        names = ", ".join(installed) or "none"
+        raise InputError(f"CONFIG {config}: no such file and no installed configuration; installed: {names}")
+    return installed[config]

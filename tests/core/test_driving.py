@@ -1,0 +1,104 @@
+"""Driving a table: limits, stopping whatever happens, and records with gaps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.identification.driving import drive, responses_of
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.safety import LimitExceeded
+from bmd_rths_core.table.controller import TableMeasurement
+
+DT = 0.005
+CONFIG = Config()
+
+
+class Table:
+    """A table that writes down its calls and applies half of each command."""
+
+    def __init__(self, floors=(1.0, 2.0), fails_at=None):
+        self.calls = []
+        self._floors, self._fails_at = np.array(floors), fails_at
+
+    def connect(self):
+        self.calls.append("connect")
+
+    def exchange(self, command):
+        self.calls.append(command.step)
+        if command.step == self._fails_at:
+            raise OSError("no answer")
+        a = 0.5 * command.acceleration
+        return TableMeasurement(command.step, a, 0.0, 3.0 * a, 0.0, 0.0, self._floors * a)
+
+    def stop(self):
+        self.calls.append("stop")
+
+    def close(self):
+        self.calls.append("close")
+
+
+def test_record_has_what_was_applied_and_measured():
+    table, done = Table(), []
+    commands = np.arange(1.0, 6.0)
+    responses = drive(table, make_command_limit(CONFIG), commands, DT, progress=done.append)
+    assert table.calls == ["connect", 0, 1, 2, 3, 4, "stop", "close"]
+    assert responses.command.tolist() == (0.5 * commands).tolist()
+    assert responses.table.tolist() == (1.5 * commands).tolist()
+    assert responses.floors.tolist() == np.outer(0.5 * commands, [1.0, 2.0]).tolist()
+    assert (responses.largest_table, responses.largest_floor) == (7.5, 5.0)
+    assert done == [5]
+
+
+def test_command_over_the_limit_does_not_reach_the_table_which_is_stopped():
+    table = Table()
+    with pytest.raises(LimitExceeded, match="step 2"):
+        drive(table, make_command_limit(CONFIG), np.array([1.0, 2.0, 99.0, 1.0]), DT)
+    assert table.calls == ["connect", 0, 1, "stop", "close"]
+
+
+def test_table_that_fails_is_stopped_and_closed():
+    table = Table(fails_at=1)
+    with pytest.raises(OSError, match="no answer"):
+        drive(table, make_command_limit(CONFIG), np.ones(4), DT)
+    assert table.calls == ["connect", 0, 1, "stop", "close"]
+
+
+def test_sensor_without_values_is_refused_in_one_line():
+    with pytest.raises(InputError, match="step 0 has no acceleration") as error:
+        drive(Table(floors=(1.0, np.nan)), make_command_limit(CONFIG), np.ones(3), DT)
+    assert "\n" not in str(error.value)
+
+
+def test_simulated_table_can_be_driven():
+    responses = drive(make_table_controller(CONFIG), make_command_limit(CONFIG), np.ones(50), DT)
+    assert responses.floors.shape == (50, 2)
+    assert responses.table[-1] == pytest.approx(1.0, abs=0.5)
+
+
+@pytest.fixture(scope="module")
+def record():
+    config = CONFIG.changed(ground_motion__duration=2.0)
+    return RthsLoop(config, select_ground_motion(config.ground_motion, DT)).run()
+
+
+def test_longest_stretch_without_a_gap_is_taken(record):
+    table, floors = record.table_acceleration.copy(), record.floor_accelerations.copy()
+    table[50], floors[300, 1] = np.nan, np.nan
+    responses = responses_of(replace(record, table_acceleration=table, floor_accelerations=floors, source="some_bag"))
+    assert responses.command.tolist() == record.applied_command[51:300].tolist()
+    assert responses.floors.tolist() == record.floor_accelerations[51:300].tolist()
+    assert responses.source == f"steps 51 to 299 of {record.steps} of some_bag"
+
+
+def test_whole_record_without_gaps(record):
+    assert len(responses_of(record).command) == record.steps
+
+
+def test_record_without_a_sensor_is_refused(record):
+    with pytest.raises(InputError, match="no step has"):
+        responses_of(replace(record, table_acceleration=np.full(record.steps, np.nan)))

@@ -1,0 +1,113 @@
+"""`bmd-rths identify`: what it prints and writes, and that other commands take it."""
+
+import json
+
+import pytest
+import yaml
+
+from bmd_rths_core.config import load_config
+from tests.nodes.conftest import CONFIG
+
+SHORT = ("--duration", 40)
+
+
+def test_json_tells_table_specimen_and_files(run_main, tmp_path):
+    model, measured = tmp_path / "model.yaml", tmp_path / "measured.csv"
+    status, output, _ = run_main("identify", CONFIG, *SHORT, "--output", model, "--frf", measured, "--json")
+    assert status == 0
+    result = json.loads(output)
+    assert (result["order"], len(result["poles"])) == (3, 3)
+    assert result["delay"]["ms"] == pytest.approx(19.1, abs=0.2)
+    assert result["delay"]["steps"] == pytest.approx(result["delay"]["ms"] / 5.0)
+    assert result["delay"]["band_hz"] == [0.5, 8.0]
+    assert result["fit_error_percent"] < 5.0
+    assert 0.9 < result["coherence"]["smallest"] <= result["coherence"]["median"] <= 1.0
+    specimen = result["specimen"]
+    assert specimen["frequencies_hz"] == pytest.approx([5.94, 19.21], abs=0.05)
+    assert specimen["damping_ratios"] == pytest.approx([0.0214, 0.0124], abs=3e-3)
+    assert specimen["stiffnesses"] == pytest.approx([2495320.0, 4941700.0], rel=5e-3)
+    assert result["files"] == {"output": str(model), "frf": str(measured)}
+    assert measured.read_text().startswith("frequency_hz,magnitude,phase_deg,coherence\n")
+
+    text = model.read_text()
+    assert text.startswith("# Identified by bmd-rths identify on ")
+    assert "noise of 2 m/s2 for 40 s, seed 0" in text
+    sections = yaml.safe_load(text)["/**"]["ros__parameters"]
+    assert list(sections) == ["command_shaper", "simulated_table", "specimen"]
+    merged = load_config(CONFIG).merged(model)
+    assert merged.command_shaper.alpha == pytest.approx(result["delay"]["steps"], abs=5e-4)
+    status, output, _ = run_main("simulate", CONFIG, "--model", model, "--json")
+    assert status == 0
+    assert json.loads(output)["stable"]
+
+
+def test_later_model_and_set_win(run_main, tmp_path):
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    for path, alpha in ((first, 1.0), (second, 2.0)):
+        path.write_text(f"/**:\n  ros__parameters:\n    command_shaper: {{alpha: {alpha}}}\n")
+    common = ("simulate", CONFIG, "--scheme", "plc", "--set", "ground_motion.duration=2.0", "--json")
+
+    def errors(*options):
+        status, output, _ = run_main(*common, *options)
+        assert status == 0
+        return json.loads(output)["rmse_percent"]
+
+    two = errors("--set", "command_shaper.alpha=2.0")
+    assert errors("--model", first, "--model", second) == two
+    assert errors("--model", first, "--set", "command_shaper.alpha=2.0") == two
+    assert errors("--model", first) != two
+
+
+def test_bag_is_identified_without_driving(run_main, tmp_path):
+    _, output, _ = run_main("simulate", CONFIG, "--scheme", "fc", "--output", tmp_path / "bags", "--json")
+    bag = json.loads(output)["bag"]
+    arguments = ("--bag", bag, "--band", 1, 15, "--delay-band", 1, 8, "--json")
+    status, output, _ = run_main("identify", CONFIG, *arguments)
+    assert status == 0
+    result = json.loads(output)
+    assert result["source"] == f"steps 0 to 6236 of 6237 of {bag}"
+    assert result["delay"]["ms"] == pytest.approx(19.1, abs=1.0)
+    # An earthquake excites little at some frequencies, and that is told.
+    assert result["specimen"]["coherence"]["incoherent_bands_hz"]
+    assert result["specimen"]["frequencies_hz"][0] == pytest.approx(5.94, abs=0.05)
+
+
+def test_table_for_a_person(run_main):
+    status, output, _ = run_main("identify", CONFIG, *SHORT, "--order", 3)
+    assert status == 0
+    for text in ("delay alpha", "coherence", "mode 2", "story 1", "largest acceleration"):
+        assert text in output
+
+
+def test_only_what_is_asked_for(run_main):
+    _, output, _ = run_main("identify", CONFIG, *SHORT, "--what", "specimen", "--json")
+    assert "order" not in json.loads(output)
+    _, output, _ = run_main("identify", CONFIG, *SHORT, "--what", "table", "--order", 3, "--json")
+    assert "specimen" not in json.loads(output)
+
+
+def test_command_over_the_safety_limit_has_status_1(run_main):
+    status, output, errors = run_main("identify", CONFIG, *SHORT, "--set", "safety.acceleration_limit=0.5")
+    assert (status, output) == (1, "")
+    assert "safety.acceleration_limit" in errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--order", "many"), "--order many: auto or a whole number"),
+        (("--order", 0), "--order 0"),
+        (("--amplitude", 30), "mm are allowed"),
+        (("--amplitude", 0.01), "% of the band has a coherence"),
+        (("--band", 25, 5), "rising band"),
+        (("--output", "no/such/model.yaml"), "no such folder"),
+        (("--what", "specimen", "--frf", "a.csv"), "--frf"),
+        (("--model", "none.yaml"), "none.yaml: cannot be read"),
+        (("--bag", "no_bag"), "no_bag"),
+    ],
+)
+def test_wrong_input_is_one_line_with_status_2(run_main, arguments, expected):
+    status, output, errors = run_main("identify", CONFIG, *SHORT, *arguments)
+    assert (status, output) == (2, "")
+    assert expected in errors
+    assert errors.count("\n") == 1
