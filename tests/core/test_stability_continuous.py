@@ -240,6 +240,25 @@ def test_measured_table_gives_the_margin_of_the_table_that_was_measured():
         assert from_data.critical_frequency == pytest.approx(known.critical_frequency, rel=1e-6)
 
 
+def test_loop_is_examined_up_to_the_last_frequency_of_the_data_and_no_further():
+    """The data end a little above or below the frequency at which the loop with the true table becomes unstable."""
+    numerical, experimental, table = (
+        numerical_oscillator(94.09, 0.0167),
+        ONE_MODE,
+        Delay(0.025),
+    )
+    true = LoopTransferFunction(numerical, experimental, table).margin()
+
+    def measured_up_to(highest):
+        omega = np.linspace(0.1, highest, 2000)
+        return LoopTransferFunction(numerical, experimental, MeasuredResponse(omega, table.response(omega))).margin()
+
+    above, below = (measured_up_to(share * true.critical_frequency) for share in (1.02, 0.98))
+    assert above.allowable_mass_ratio == pytest.approx(true.allowable_mass_ratio, rel=1e-3)
+    assert below.allowable_mass_ratio > true.allowable_mass_ratio
+    assert not below.critical_frequency > 0.98 * true.critical_frequency
+
+
 def test_uncoupled_modes_need_damping():
     with pytest.raises(InputError, match=r"damping_ratio 0 is not allowed"):
         uncoupled_modes(ShearBuilding((1.0,), (1.0,), (0.0,)))

@@ -303,11 +303,13 @@ def _margin(ratios: FloatArray, frequencies: FloatArray, directions: IndexArray,
 
 
 def _highest_frequency(elements: tuple[LoopElement, ...], largest: float) -> float:
-    """Return a frequency above which L₀ is too small for a crossing at the largest ratio of the masses."""
-    frequency = 1.0
-    while frequency**2 * np.prod([element.gain_bound(frequency) for element in elements]) * largest >= 1.0:
+    """Return where L₀ becomes too small for a crossing at the largest ratio of the masses, or is not known any more."""
+    frequency, last = 1.0, min(element.last_frequency for element in elements)
+    while frequency < last:
+        if frequency**2 * np.prod([element.gain_bound(frequency) for element in elements]) * largest < 1.0:
+            return frequency
         frequency *= 1.1
-    return frequency
+    return last
 
 
 def _nodes(elements: tuple[LoopElement, ...], highest: float) -> FloatArray:

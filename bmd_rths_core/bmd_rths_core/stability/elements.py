@@ -49,6 +49,10 @@ class LoopElement(Protocol):
             ω ≥ 0 [rad/s].
         """
 
+    @property
+    def last_frequency(self) -> float:
+        """Frequency up to which the response is known [rad/s]."""
+
 
 @dataclass(frozen=True)
 class Rational:
@@ -128,6 +132,11 @@ class Rational:
         order = self.zeros.shape[-1] - self.poles.shape[-1]
         return float(np.max(np.abs(self.gain) * grow / shrink) * frequency**order)
 
+    @property
+    def last_frequency(self) -> float:
+        """Infinity: the response is known everywhere."""
+        return np.inf
+
     def take(self, index: NDArray[np.intp]) -> Rational:
         """Return some of several functions, for frequencies that stand beside them.
 
@@ -195,6 +204,11 @@ class Delay:
         """
         return 1.0
 
+    @property
+    def last_frequency(self) -> float:
+        """Infinity: the response is known everywhere."""
+        return np.inf
+
 
 class DiscreteCompensator:
     """A compensator given as discrete transfer function, evaluated exactly at z = e^{s Δt} (Eq. 10).
@@ -257,6 +271,11 @@ class DiscreteCompensator:
         """
         return self._peak
 
+    @property
+    def last_frequency(self) -> float:
+        """Infinity: the response is known everywhere."""
+        return np.inf
+
 
 @dataclass(frozen=True)
 class MeasuredResponse:
@@ -316,11 +335,16 @@ class MeasuredResponse:
         return np.asarray(np.interp(frequency, w, np.append(0.0, np.cumsum(np.abs(np.diff(phase))))))
 
     def gain_bound(self, frequency: float) -> float:
-        """Return 0 from the end of the data on, see `LoopElement.gain_bound`.
+        """Return infinity, because nothing is known above the data, see `LoopElement.gain_bound`.
 
         Parameters
         ----------
         frequency : float
             ω [rad/s].
         """
-        return 0.0 if frequency >= self.frequencies[-1] else np.inf
+        return np.inf
+
+    @property
+    def last_frequency(self) -> float:
+        """Last frequency of the data [rad/s]."""
+        return float(self.frequencies[-1])
