@@ -99,12 +99,15 @@ def codec_of(topic: topics.Topic, config: Config) -> Any:
 def make_step(role: str, config: Config) -> Callable[..., Any]:
     """Return what a role does with the step index and the values of its topics."""
     if role == topics.TABLE_DRIVER:
-        limit, table = assembly.make_command_limit(config), assembly.make_table_controller(config)
+        supervisor, table = assembly.make_supervisor(config), assembly.make_table_controller(config)
         table.connect()
 
         def exchange(step: int, command: float) -> Any:
-            limit.step(step, command)
-            return table.exchange(TableCommand(step, command))
+            if not supervisor.check(step, command):
+                raise RuntimeError(supervisor.reason)
+            measurement = table.exchange(TableCommand(step, command))
+            supervisor.observe(measurement)
+            return measurement
 
         return exchange
     stage = getattr(assembly, f"make_{role}")(config)

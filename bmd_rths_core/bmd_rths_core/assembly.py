@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from bmd_rths_core.command_shaper import CommandShaper
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.force_correction import ForceCorrection
+from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.numerical_substructure import NumericalSubstructure
-from bmd_rths_core.safety import CommandLimit
+from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator
 from bmd_rths_core.shear_estimator import ShearEstimator
 from bmd_rths_core.table.controller import TableController
+from bmd_rths_core.table.faults import Faults
+from bmd_rths_core.table.servo_hydraulic import ServoHydraulicTable
 from bmd_rths_core.table.simulated import SimulatedTable
+from bmd_rths_core.table.virtual_controller import VirtualController
+from bmd_rths_core.table.virtual_table import LinearTable, VirtualTable
 
 
 def make_numerical_substructure(config: Config) -> NumericalSubstructure | NonlinearSubstructure:
@@ -37,26 +43,68 @@ def make_command_shaper(config: Config) -> CommandShaper:
     return CommandShaper(config.command_shaper, active=config.scheme.phase_lead)
 
 
-def make_command_limit(config: Config) -> CommandLimit:
-    """Return the limits in the path of the command.
+def make_supervisor(config: Config) -> SafetySupervisor:
+    """Return the supervisor in the path of the command.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
     """
-    return CommandLimit(config.safety)
+    return SafetySupervisor(config.safety, config.run.time_step)
+
+
+def make_stability_indicator(config: Config) -> StabilityIndicator:
+    """Return the stability indicator of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
+    return StabilityIndicator(config.safety, building.masses, building.damping_matrix, config.run.time_step)
 
 
 def make_table_controller(config: Config) -> TableController:
-    """Return the table controller of a configuration.
+    """Return the table controller that needs no hardware; `bmd_rths_nodes.hardware` makes the others.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
+
+    Raises
+    ------
+    InputError
+        Another one is configured.
     """
+    if config.table.controller != "simulated":
+        raise InputError(f"table.controller: {config.table.controller!r} is not available in process; simulated is")
     return SimulatedTable(config.simulated_table, config.specimen.building(), config.run.time_step, config.run.seed)
+
+
+def make_virtual_controller(config: Config, faults: Faults) -> VirtualController:
+    """Return the virtual table controller of a configuration, with its table.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    faults : Faults
+        Its faults, which may change at any time.
+    """
+    specimen, seed = config.specimen.building(), config.run.seed
+
+    def servo(time_step: float) -> VirtualTable:
+        return LinearTable(SimulatedTable(config.simulated_table, specimen, time_step, seed), time_step)
+
+    def servo_hydraulic(time_step: float) -> VirtualTable:
+        sensors = config.simulated_table.sensors(specimen.stories, seed)
+        return ServoHydraulicTable(config.servo_hydraulic, sensors, specimen, time_step)
+
+    make_table = servo if config.virtual_controller.model == "servo" else servo_hydraulic
+    return VirtualController(config.virtual_controller, make_table, specimen.stories, config.run.time_step, faults)
 
 
 def make_shear_estimator(config: Config) -> ShearEstimator:

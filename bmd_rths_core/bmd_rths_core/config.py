@@ -21,8 +21,11 @@ from bmd_rths_core.parameters import build_section, check_parameters, parameter
 from bmd_rths_core.safety import SafetyConfig
 from bmd_rths_core.schemes import SCHEME_NAMES, Scheme
 from bmd_rths_core.shear_estimator import ShearEstimatorConfig
+from bmd_rths_core.table.selection import TableConfig
+from bmd_rths_core.table.servo_hydraulic import ServoHydraulicConfig
 from bmd_rths_core.table.simulated import SimulatedTableConfig
 from bmd_rths_core.table.specimen import SpecimenConfig
+from bmd_rths_core.table.virtual_controller_config import VirtualControllerConfig
 
 
 @dataclass(frozen=True)
@@ -75,19 +78,6 @@ class RunConfig:
 
 
 @dataclass(frozen=True)
-class TableConfig:
-    """Which controller the table driver talks to."""
-
-    SECTION: ClassVar[str] = "table"
-
-    controller: str = parameter("simulated", description="Table controller", choices=("simulated",))
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check_parameters(self)
-
-
-@dataclass(frozen=True)
 class RecorderConfig:
     """Where and how a test is recorded."""
 
@@ -112,7 +102,7 @@ class Config:
     Parameters
     ----------
     run, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table, simulated_table,
-    shear_estimator, force_correction, recorder
+    virtual_controller, servo_hydraulic, shear_estimator, force_correction, recorder
         See the section classes.
     """
 
@@ -125,6 +115,8 @@ class Config:
     safety: SafetyConfig = dataclasses.field(default_factory=SafetyConfig)
     table: TableConfig = dataclasses.field(default_factory=TableConfig)
     simulated_table: SimulatedTableConfig = dataclasses.field(default_factory=SimulatedTableConfig)
+    virtual_controller: VirtualControllerConfig = dataclasses.field(default_factory=VirtualControllerConfig)
+    servo_hydraulic: ServoHydraulicConfig = dataclasses.field(default_factory=ServoHydraulicConfig)
     shear_estimator: ShearEstimatorConfig = dataclasses.field(default_factory=ShearEstimatorConfig)
     force_correction: ForceCorrectionConfig = dataclasses.field(default_factory=ForceCorrectionConfig)
     recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)

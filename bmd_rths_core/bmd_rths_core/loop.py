@@ -6,17 +6,18 @@ from collections.abc import Callable
 from typing import Any
 
 from bmd_rths_core.assembly import (
-    make_command_limit,
     make_command_shaper,
     make_force_correction,
     make_numerical_substructure,
     make_shear_estimator,
+    make_stability_indicator,
+    make_supervisor,
     make_table_controller,
 )
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.record import FloatArray, RunRecord, empty_signals, provenance
-from bmd_rths_core.safety import LimitExceeded
+from bmd_rths_core.safety import bring_to_rest
 from bmd_rths_core.table.controller import TableCommand, TableController
 
 #: How often `RthsLoop.run` reports progress [steps].
@@ -41,7 +42,8 @@ class RthsLoop:
         self._motion = motion
         self._numerical_substructure = make_numerical_substructure(config)
         self._command_shaper = make_command_shaper(config)
-        self._command_limit = make_command_limit(config)
+        self._stability_indicator = make_stability_indicator(config)
+        self._supervisor = make_supervisor(config)
         self._table = table if table is not None else make_table_controller(config)
         self._shear_estimator = make_shear_estimator(config)
         self._force_correction = make_force_correction(config)
@@ -57,14 +59,16 @@ class RthsLoop:
         Returns
         -------
         RunRecord
-            Outcome ``"finished"``, or ``"limit"`` when a command passed a limit; the record then ends with that step,
-            without sensors.
+            Outcome ``"finished"``, or ``"limit"`` when a limit was passed. The record then ends with the step whose
+            command was refused, without sensors, or before the step at which the stability indicator was too large.
+            The ramp to rest that follows every test is not recorded.
         """
         ground = self._motion.acceleration
         signals = empty_signals(len(ground), len(self._config.specimen.masses))
         self._table.connect()
         try:
             steps, outcome, reason = self._run_steps(ground, signals, progress)
+            bring_to_rest(self._table, self._supervisor)
         finally:
             self._table.stop()
             self._table.close()
@@ -80,21 +84,26 @@ class RthsLoop:
     def _run_steps(
         self, ground: FloatArray, signals: dict[str, FloatArray], progress: Callable[[int], None] | None
     ) -> tuple[int, str, str]:
-        for stage in (self._numerical_substructure, self._command_shaper, self._shear_estimator):
+        stages = (self._numerical_substructure, self._command_shaper, self._shear_estimator)
+        for stage in (*stages, self._stability_indicator, self._supervisor):
             stage.reset()
         feedback = 0.0
         for k, ground_acceleration in enumerate(ground.tolist()):
             response = self._numerical_substructure.step(ground_acceleration, feedback)
+            unstable = self._stability_indicator.step(k, feedback, self._numerical_substructure.displacements)
+            if unstable is not None:
+                self._supervisor.record([unstable])
+                if self._supervisor.reason:
+                    return k, "limit", self._supervisor.reason
             command = self._command_shaper.step(response.desired_acceleration)
             signals["ground_acceleration"][k] = ground_acceleration
             signals["desired_acceleration"][k] = response.desired_acceleration
             signals["required_force"][k] = response.required_force
             signals["command"][k] = command
-            try:
-                self._command_limit.step(k, command)
-            except LimitExceeded as trip:
-                return k + 1, "limit", str(trip)
+            if not self._supervisor.check(k, command):
+                return k + 1, "limit", self._supervisor.reason
             measurement = self._table.exchange(TableCommand(k, command))
+            self._supervisor.observe(measurement)
             shear = self._shear_estimator.step(measurement)
             feedback = self._force_correction.step(response.required_force, shear)
             signals["applied_command"][k] = measurement.applied_command

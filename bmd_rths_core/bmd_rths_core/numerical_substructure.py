@@ -80,6 +80,11 @@ class NumericalSubstructure:
         Masses, stiffnesses and damping coefficients.
     time_step : float
         Δt [s].
+
+    Attributes
+    ----------
+    displacements : ndarray, shape (n,)
+        Displacements of the floors relative to the ground at the last step [m].
     """
 
     def __init__(self, config: NumericalSubstructureConfig, time_step: float) -> None:
@@ -93,6 +98,7 @@ class NumericalSubstructure:
         self._transition = np.hstack((phi, gamma_0, gamma_1))
         self._stacked = np.zeros(2 * n + 4)
         self._state = np.zeros(2 * n)
+        self.displacements = self._state[:n]
         self._interface_mass = building.masses[-1]
         self._restoring = np.hstack((building.stiffness_matrix[-1], building.damping_matrix[-1]))
         self._started = False

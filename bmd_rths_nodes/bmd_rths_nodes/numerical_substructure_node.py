@@ -7,10 +7,11 @@ import math
 import sys
 import time
 
-from bmd_rths_core.assembly import make_numerical_substructure
+from bmd_rths_core.assembly import make_numerical_substructure, make_stability_indicator
 from bmd_rths_core.config import Config
 from bmd_rths_core.deadlines import DeadlineMonitor
 from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.safety import Action, Trip
 from bmd_rths_msgs_py.topics import (
     CORRECTED_FORCE,
     DESIRED_ACCELERATION,
@@ -44,13 +45,14 @@ class NumericalSubstructureNode(StageNode):
     """
 
     ROLE = NUMERICAL_SUBSTRUCTURE
-    SECTIONS = ("run", "ground_motion", "numerical_substructure", "nonlinear")
+    SECTIONS = ("run", "ground_motion", "numerical_substructure", "nonlinear", "safety")
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
         motion = select_ground_motion(config.ground_motion, config.run.time_step)
         self._ground = motion.acceleration.tolist()
         self._stage = make_numerical_substructure(config)
+        self._stability_indicator = make_stability_indicator(config)
         self._lockstep = config.run.lockstep
         self._send_desired_acceleration = self.publish_to(DESIRED_ACCELERATION)
         self._send_required_force = self.publish_to(REQUIRED_FORCE)
@@ -64,6 +66,7 @@ class NumericalSubstructureNode(StageNode):
     def reset_stage(self) -> None:
         """Return to rest before step 0."""
         self._stage.reset()
+        self._stability_indicator.reset()
         self._ready_peers.clear()
         self._forget_the_last_test()
 
@@ -73,6 +76,7 @@ class NumericalSubstructureNode(StageNode):
         self._feedback = 0.0
         self._due = math.inf
         self._outcome = ""
+        self._trip: Trip | None = None
 
     def stop_stage(self) -> None:
         """End a test that is under way."""
@@ -94,9 +98,14 @@ class NumericalSubstructureNode(StageNode):
             "max_consecutive_misses": str(timing.max_consecutive_misses),
             "late_ticks": str(timing.late_ticks),
             **{f"closure_ms_{name}": repr(value) for name, value in timing.closure_ms.items()},
+            "stability_indicator": f"{self._stability_indicator.value:.3g}",
             "outcome": self._outcome,
             "waiting_for": ", ".join(sorted(self._peers - self._ready_peers)) if self._step == 0 else "",
         }
+        if self._trip is not None:
+            values["trip"] = str(self._trip)
+        if self._outcome == "limit" and self._trip is not None:
+            values["action"] = self._trip.action.name.lower()
         if self._outcome:
             values["missed_steps"] = json.dumps(timing.missed_steps)
         return values
@@ -145,6 +154,12 @@ class NumericalSubstructureNode(StageNode):
             return
         ground_acceleration = self._ground[step]
         response = self._stage.step(ground_acceleration, self._feedback)
+        trip = self._stability_indicator.step(step, self._feedback, self._stage.displacements)
+        if trip is not None:
+            self._trip = trip
+            if trip.action > Action.INDICATE:
+                self._end("limit", str(trip))
+                return
         now = time.perf_counter()
         self._deadlines.opened(step, now)
         self._step = step + 1

@@ -1,87 +1,173 @@
-"""Table driver: command in, through the limits to the table controller, measurement out."""
+"""Table driver: command in, through the supervisor to the table controller, measurement out."""
 
 from __future__ import annotations
 
+import math
 import sys
+import time
 
-from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.assembly import make_supervisor
 from bmd_rths_core.config import Config
-from bmd_rths_core.safety import LimitExceeded
-from bmd_rths_core.table.controller import TableCommand
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.safety import Action, State, halt
+from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER
+from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
 
+#: Time between two looks at a table driver that gets no command [s].
+SILENCE_PERIOD = 0.05
+
+#: What else than a ramp to rest the numerical substructure can ask for at the end of a test.
+_ACTIONS_AT_THE_END = {action.name.lower(): action for action in (Action.HOLD, Action.EMERGENCY_STOP)}
+
 
 class TableDriverNode(StageNode):
     """Node around a `bmd_rths_core.table.controller.TableController`, simulated or real.
 
-    A command that passes a limit stops the table; the node then stays tripped, and nothing moves, until it is
-    deactivated and activated again.
+    The safety supervisor looks at every command and measurement. When it refuses a command, or no command comes any
+    more, the node trips, brings the table to rest, and nothing moves until it is deactivated and activated again. At
+    the end of every test the table is brought to rest in the same way. A step that the controller does not answer has
+    no measurement, so that it misses its deadline.
     """
 
     ROLE = TABLE_DRIVER
     SECTIONS = ("run", "safety", "table", "simulated_table", "specimen")
 
+    _advance_due = _silence_due = math.inf
+
     def configure_stage(self, config: Config) -> None:
-        """Make controller, limits and topics."""
-        self._limit = make_command_limit(config)
+        """Make controller, supervisor and topics."""
+        self._supervisor = make_supervisor(config)
         self._table = make_table_controller(config)
+        self._period = config.run.time_step
         self._send_measurement = self.publish_to(MEASUREMENT)
-        self._outcome = ""
-        self._moving = self._ended = False
-        self.subscribe_to(COMMAND, self._on_command)
+        self._forget_the_last_test()
+        self.subscribe_to(COMMAND, self._on_command, newest_only=config.table.controller != "simulated")
         self.listen_to_peers(self._on_peer)
 
     def reset_stage(self) -> None:
         """Make the table ready for step 0."""
+        self._forget_the_last_test()
+        try:
+            self._table.connect()
+        except (OSError, RuntimeError) as error:
+            if self.state not in (status.WAITING, status.READY):
+                raise InputError(f"table controller: {error}") from error
+            self._supervisor.request(Action.EMERGENCY_STOP)  # a new test with the same processes
+            self._trip("failed", f"table controller: {error}")
+
+    def _forget_the_last_test(self) -> None:
+        self._supervisor.reset()
         self._outcome = ""
         self._moving = self._ended = False
-        self._table.connect()
+        self._command_time = 0.0
+        self._silence_due = self._advance_due = math.inf
 
     def stop_stage(self) -> None:
         """Bring the table to rest and release it."""
-        if self.configured:
-            self._table.stop()
-            self._table.close()
+        if not self.configured:
+            return
+        if self._moving:
+            self._supervisor.request(Action.RAMP)
+            self._begin_the_way_to_rest()
+        while self._moving:
+            time.sleep(max(0.0, self._advance_due - time.perf_counter()))
+            self._advance()
+        halt(self._table, self._supervisor)
+        self._table.close()
 
     def status_values(self) -> dict[str, str]:
-        """Tell the controller, whether the table moves, and how a trip is to be counted."""
+        """Tell the controller, what the table does, every trip, and how a trip is to be counted."""
         values = {"controller": self.config.table.controller}
         if self.configured:
-            values |= {"table": "moving" if self._moving else "at rest", "outcome": self._outcome}
+            values |= {
+                "table": "moving" if self._moving else "at rest",
+                "supervisor": self._supervisor.state.value,
+                "trips": " | ".join(str(trip) for trip in self._supervisor.trips),
+                "outcome": self._outcome,
+                **self._table.statistics(),
+            }
         return values
 
+    def poll(self, now: float) -> float:
+        """Send the next command on the way to rest, and notice when no command comes any more."""
+        if now >= self._advance_due:
+            self._advance()
+        elif now >= self._silence_due:
+            self._silence_due = now + SILENCE_PERIOD
+            self._supervisor.silence(int((now - self._command_time) / self.config.run.time_step) - 1)
+            if not self._supervisor.passing:
+                self._trip("limit", self._supervisor.reason)
+        return min(super().poll(now), self._advance_due, self._silence_due)
+
     def _on_peer(self, peer: NodeStatus) -> None:
-        """Stop the table when the test has ended; what is still on its way must not move it again."""
-        if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state in (status.ENDED, status.INACTIVE) and self._moving:
+        """Bring the table to rest when the test has ended; what is still on its way must not move it again."""
+        ended = peer.role == NUMERICAL_SUBSTRUCTURE and peer.state in (status.ENDED, status.INACTIVE)
+        if ended and self._moving and self._advance_due == math.inf:
+            self._supervisor.request(_ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP))
             self._ended = True
-            self._moving = False
-            self._table.stop()
-            self.publish_status()
+            self._begin_the_way_to_rest()
+            self.set_state(status.ENDED, "bringing the table to rest")
 
     def _on_command(self, step: int, command: float) -> None:
         if self._ended:
             return
         self._moving = True
-        try:
-            self._limit.step(step, command)
-            measurement = self._table.exchange(TableCommand(step, command))
-        except LimitExceeded as trip:
-            self._trip("limit", str(trip))
-        except (OSError, RuntimeError) as error:
-            self._trip("failed", f"table controller at step {step}: {error}")
-        else:
+        self._command_time = now = time.perf_counter()
+        if not self.config.run.lockstep:
+            # The loop waits for nobody in real time: a command that does not come is missed.
+            self._silence_due = now + (self.config.safety.stale_shear_limit + 2) * self.config.run.time_step
+        if not self._supervisor.check(step, command):
+            self._trip("limit", self._supervisor.reason)
+        elif (measurement := self._exchange(TableCommand(step, command))) is not None:
             self._send_measurement(step, measurement)
 
+    def _exchange(self, command: TableCommand) -> TableMeasurement | None:
+        """Move the table for one step; None when the controller did not answer, or failed."""
+        try:
+            measurement = self._table.exchange(command)
+        except NoAnswer:
+            return None
+        except (OSError, RuntimeError) as error:
+            self._supervisor.request(Action.EMERGENCY_STOP)
+            self._trip("failed", f"table controller at step {command.step}: {error}")
+            return None
+        self._supervisor.observe(measurement)
+        return measurement
+
     def _trip(self, outcome: str, reason: str) -> None:
-        self._table.stop()
-        self._moving = False
-        self._outcome = outcome
-        self.get_logger().error(f"table stopped: {reason}")
+        self._outcome = self._outcome or outcome
+        self._begin_the_way_to_rest()
+        self.get_logger().error(f"table is stopped: {reason}")
         self.set_state(status.TRIPPED, reason, status.ERROR)
+
+    def _begin_the_way_to_rest(self) -> None:
+        self._silence_due = math.inf
+        if self._advance_due == math.inf:
+            at_once = self.config.run.lockstep or self._supervisor.at_rest
+            self._advance_due = time.perf_counter() if at_once else self._command_time + self._period
+
+    def _advance(self) -> None:
+        """Send one command on the way to rest; at its end release the table, except after a hold."""
+        command = self._supervisor.advance()
+        if command is not None:
+            self._exchange(command)
+        if self._supervisor.state is not State.STOPPED:
+            # Each command is held for a full step; in lockstep only a hold that has come to rest waits.
+            if not self.config.run.lockstep or self._supervisor.at_rest:
+                self._advance_due = max(self._advance_due + self._period, time.perf_counter())
+            return
+        halt(self._table, self._supervisor)
+        self._moving = False
+        self._advance_due = math.inf
+        if self.state == status.ENDED:
+            self.set_state(status.WAITING)
+        else:
+            self.publish_status()
 
 
 def main() -> int:

@@ -31,7 +31,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("scheme", default_value="", description="uc, fc, plc or plc_fc"),
             DeclareLaunchArgument("motion", default_value="", description="Name or file of the ground motion"),
             DeclareLaunchArgument("component", default_value="", description="Component of a motion with several"),
-            DeclareLaunchArgument("table", default_value="", description="Table controller"),
+            DeclareLaunchArgument("table", default_value="", description="Table controller, or udp://HOST:PORT"),
             DeclareLaunchArgument(
                 "record", default_value="true", choices=["true", "false"], description="Record the test into a bag"
             ),
@@ -43,7 +43,10 @@ def generate_launch_description() -> LaunchDescription:
 def _nodes(context: LaunchContext) -> list[Node]:
     given = context.launch_configurations
     record = given["record"] == "true"
-    overrides = {name: ParameterValue(given[key], value_type=str) for key, name in OVERRIDES.items() if given[key]}
+    texts = {name: given[key] for key, name in OVERRIDES.items() if given[key]}
+    if "://" in given["table"]:
+        texts |= {"table.controller": "udp", "table.address": given["table"]}
+    overrides = {name: ParameterValue(text, value_type=str) for name, text in texts.items()}
     parameters = [given["config"], {**overrides, "run.record": record}]
     return [
         Node(package=PACKAGE, executable=name, parameters=parameters, output="screen", on_exit=_on_exit_of(name))

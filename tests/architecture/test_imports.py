@@ -55,7 +55,11 @@ def test_the_contracts_hold():
         ("bmd_rths_core.table.controller", "import socket", "bmd_rths_core is not allowed to import socket"),
         ("bmd_rths_core.record", "from mcap.writer import Writer", "bmd_rths_core is not allowed to import mcap"),
         ("bmd_rths_core.metrics", "import matplotlib.pyplot", "bmd_rths_core is not allowed to import matplotlib"),
-        ("bmd_rths_core.safety", "import bmd_rths_core.command_shaper", "bmd_rths_core.safety -> bmd_rths_core"),
+        (
+            "bmd_rths_core.safety.config",
+            "import bmd_rths_core.command_shaper",
+            "bmd_rths_core.safety.config -> bmd_rths_core",
+        ),
         ("bmd_rths_msgs_py.cdr", "from rclpy.time import Time", "bmd_rths_msgs_py is not allowed to import rclpy"),
         ("bmd_rths_nodes.composition", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
         ("bmd_rths_nodes.ros.spin", "import numpy as np", "bmd_rths_nodes is not allowed to import numpy"),

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.selection import select_ground_motion
-from bmd_rths_core.identification.driving import drive, responses_of
+from bmd_rths_core.identification.driving import DrivingStopped, drive, responses_of
 from bmd_rths_core.loop import RthsLoop
-from bmd_rths_core.safety import LimitExceeded
 from bmd_rths_core.table.controller import TableMeasurement
 
 DT = 0.005
@@ -22,7 +21,7 @@ class Table:
     """A table that writes down its calls and applies half of each command."""
 
     def __init__(self, floors=(1.0, 2.0), fails_at=None):
-        self.calls = []
+        self.calls, self.commands = [], []
         self._floors, self._fails_at = np.array(floors), fails_at
 
     def connect(self):
@@ -30,6 +29,7 @@ class Table:
 
     def exchange(self, command):
         self.calls.append(command.step)
+        self.commands.append(command.acceleration)
         if command.step == self._fails_at:
             raise OSError("no answer")
         a = 0.5 * command.acceleration
@@ -38,6 +38,8 @@ class Table:
     def stop(self):
         self.calls.append("stop")
 
+    emergency_stop = stop
+
     def close(self):
         self.calls.append("close")
 
@@ -45,8 +47,9 @@ class Table:
 def test_record_has_what_was_applied_and_measured():
     table, done = Table(), []
     commands = np.arange(1.0, 6.0)
-    responses = drive(table, make_command_limit(CONFIG), commands, DT, progress=done.append)
-    assert table.calls == ["connect", 0, 1, 2, 3, 4, "stop", "close"]
+    responses = drive(table, make_supervisor(CONFIG), commands, DT, progress=done.append)
+    assert table.calls[:6] == ["connect", 0, 1, 2, 3, 4]
+    assert table.calls[-2:] == ["stop", "close"]
     assert responses.command.tolist() == (0.5 * commands).tolist()
     assert responses.table.tolist() == (1.5 * commands).tolist()
     assert responses.floors.tolist() == np.outer(0.5 * commands, [1.0, 2.0]).tolist()
@@ -54,28 +57,42 @@ def test_record_has_what_was_applied_and_measured():
     assert done == [5]
 
 
+def test_table_is_brought_to_rest_where_it_was():
+    table = make_table_controller(CONFIG.changed(simulated_table__dynamics="perfect"))
+    applied = []
+    exchange = table.exchange
+    table.exchange = lambda command: applied.append(command.acceleration) or exchange(command)
+    drive(table, make_supervisor(CONFIG), np.arange(1.0, 6.0), DT)
+    after = len(applied) - np.arange(len(applied)) - 0.5
+    assert np.sum(applied) * DT == pytest.approx(0.0, abs=1e-11)
+    assert after @ np.array(applied) * DT**2 == pytest.approx(0.0, abs=1e-10)
+
+
 def test_command_over_the_limit_does_not_reach_the_table_which_is_stopped():
     table = Table()
-    with pytest.raises(LimitExceeded, match="step 2"):
-        drive(table, make_command_limit(CONFIG), np.array([1.0, 2.0, 99.0, 1.0]), DT)
-    assert table.calls == ["connect", 0, 1, "stop", "close"]
+    with pytest.raises(DrivingStopped, match="step 2"):
+        drive(table, make_supervisor(CONFIG), np.array([1.0, 2.0, 99.0, 1.0]), DT)
+    assert table.commands[:2] == [1.0, 2.0]
+    assert max(np.abs(table.commands)) <= CONFIG.safety.ramp_acceleration
+    assert table.commands[-1] == 0.0
+    assert table.calls[-2:] == ["stop", "close"]
 
 
 def test_table_that_fails_is_stopped_and_closed():
     table = Table(fails_at=1)
     with pytest.raises(OSError, match="no answer"):
-        drive(table, make_command_limit(CONFIG), np.ones(4), DT)
+        drive(table, make_supervisor(CONFIG), np.ones(4), DT)
     assert table.calls == ["connect", 0, 1, "stop", "close"]
 
 
 def test_sensor_without_values_is_refused_in_one_line():
     with pytest.raises(InputError, match="step 0 has no acceleration") as error:
-        drive(Table(floors=(1.0, np.nan)), make_command_limit(CONFIG), np.ones(3), DT)
+        drive(Table(floors=(1.0, np.nan)), make_supervisor(CONFIG), np.ones(3), DT)
     assert "\n" not in str(error.value)
 
 
 def test_simulated_table_can_be_driven():
-    responses = drive(make_table_controller(CONFIG), make_command_limit(CONFIG), np.ones(50), DT)
+    responses = drive(make_table_controller(CONFIG), make_supervisor(CONFIG), np.ones(50), DT)
     assert responses.floors.shape == (50, 2)
     assert responses.table[-1] == pytest.approx(1.0, abs=0.5)
 

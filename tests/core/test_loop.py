@@ -76,7 +76,7 @@ def test_a_limit_ends_the_run_at_the_step_that_passed_it():
     assert f"safety.acceleration_limit [m/s2] passed at step {record.steps - 1}" in record.reason
 
 
-def test_unstable_loop_is_stopped_by_the_limit():
+def test_unstable_loop_is_stopped_by_the_stability_indicator():
     """A numerical mass far below the allowable one makes the uncompensated loop diverge."""
     config = Config().changed(
         run__scheme="uc",

@@ -15,6 +15,7 @@ from bmd_rths_core.nonlinear_building import NonlinearConfig, nonlinear_building
 from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.numerical_substructure import NumericalSubstructure, NumericalSubstructureConfig
 from bmd_rths_core.reference import nonlinear_reference_response, reference_response
+from tests.conftest import WITHOUT_LIMITS
 
 STORIES = NumericalSubstructureConfig((900.0, 850.0, 800.0), (4e6, 3.5e6, 3e6), (3000.0, 2500.0, 2000.0))
 YIELD_DRIFTS = (0.004, 0.003, 0.0025)
@@ -264,11 +265,11 @@ def test_loop_on_strong_el_centro_yields_and_stays_finite(model, integration):
         run__scheme="plc_fc",
         ground_motion__peak_acceleration=8.0,
         ground_motion__duration=10.0,
-        safety__acceleration_limit=100.0,
+        **WITHOUT_LIMITS,
     )
     motion = select_ground_motion(config.ground_motion, config.run.time_step)
     record = RthsLoop(config, motion).run()
-    linear = RthsLoop(Config().changed(run__scheme="plc_fc", safety__acceleration_limit=100.0), motion).run()
+    linear = RthsLoop(Config().changed(run__scheme="plc_fc", **WITHOUT_LIMITS), motion).run()
     assert record.outcome == "finished"
     assert all(np.isfinite(signal).all() for signal in record.signals().values())
     assert rmse_percent(linear.desired_acceleration, record.desired_acceleration) > 30.0  # it did yield

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.driving import drive
@@ -21,7 +21,7 @@ EIGHT_STORY = load_config(Path(__file__).parents[2] / "config" / "eight_story_bm
 def identified(config, seed=0, masses=None, **settings):
     command = excitation_command(ExcitationSettings(seed=seed, **settings), DT)
     controller = make_table_controller(config.changed(run__seed=seed))
-    responses = drive(controller, make_command_limit(config), command, DT)
+    responses = drive(controller, make_supervisor(config), command, DT)
     return identify_specimen(responses, config.specimen.masses if masses is None else masses, BAND)
 
 

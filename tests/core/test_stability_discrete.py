@@ -11,12 +11,13 @@ from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferF
 from bmd_rths_core.stability.discrete import closed_loop, configured_mass_ratio, discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import EQUATION_9, experimental_building, numerical_building
+from tests.conftest import WITHOUT_LIMITS
 
 DT = 0.005
 QUIET = Config().changed(
     simulated_table__acceleration_noise=0.0,
     simulated_table__shear_noise=0.0,
-    safety__acceleration_limit=1e9,
+    **WITHOUT_LIMITS,
 )
 TABLES = {
     "servo": {},

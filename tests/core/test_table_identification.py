@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.driving import drive
@@ -29,7 +29,7 @@ TO_15_HZ = HZ * np.linspace(0.5, 15.0, 2000)
 @cache
 def driven(config, settings):
     command = excitation_command(settings, DT)
-    return drive(make_table_controller(config), make_command_limit(config), command, DT)
+    return drive(make_table_controller(config), make_supervisor(config), command, DT)
 
 
 def identified(config, seed=0, order=None, **settings):

@@ -18,6 +18,7 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.schemes import SCHEME_NAMES
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
+from tests.conftest import WITHOUT_LIMITS
 from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain, wait_until
 
 
@@ -97,6 +98,24 @@ def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_
     assert record.reason == f"table_driver: {expected.reason}"
 
 
+def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_path):
+    """The uncompensated loop with a numerical mass far below the allowable one."""
+    light = {
+        "numerical_substructure__masses": [1500.0],
+        "numerical_substructure__stiffnesses": [1500.0 * 94.09**2],
+        "numerical_substructure__damping_coefficients": [2 * 0.0167 * 94.09 * 1500.0],
+    }
+    arguments = ("--scheme", "uc", "--lockstep", *settings(**light), "--output", tmp_path, "--json")
+    result = bmd_rths("run", CONFIG, *arguments).wait()
+    assert result.status == 1
+    told = json.loads(result.output)
+    expected = in_process(run__scheme="uc", **light)
+    record = read_bag(told["bag"])
+    assert (record.outcome, record.reason) == ("limit", expected.reason)
+    assert "safety.stability_limit" in record.reason
+    assert record.same_signals(expected)
+
+
 def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(bmd_rths, tmp_path):
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", tmp_path, "--json")
     result = finished(bmd_rths("run", CONFIG, *arguments))
@@ -118,8 +137,13 @@ def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whol
     assert all(count == 601 for topic, count in counts.items() if topic != "/diagnostics")
 
 
-#: Real time on a busy machine: its stalls must not end the test before the fault that is tested does.
-PATIENT = ("--set", "run.max_consecutive_misses=200")
+def settings(**changes):
+    return [word for name, value in changes.items() for word in ("--set", f"{name.replace('__', '.')}={value}")]
+
+
+#: Real time on a busy machine: its stalls, and the jumps of the command they cause, must not end the test before the
+#: fault that is tested does.
+PATIENT = settings(run__max_consecutive_misses=200, safety__stale_shear_limit=1000, **WITHOUT_LIMITS)
 
 
 def begun(tmp_path):
@@ -200,6 +224,20 @@ def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp
     assert record.outcome == "failed"
     assert "deadlines in a row were missed" in record.reason
     assert record.timing.max_consecutive_misses == 201
+    assert processes_of_domain(domain) == {}
+
+
+def test_table_is_brought_to_rest_when_no_command_comes_any_more(bmd_rths, tmp_path, domain):
+    limits = settings(run__max_consecutive_misses=2000, safety__stale_shear_limit=20)
+    child = bmd_rths("run", CONFIG, *PATIENT, *limits, "--output", tmp_path, "--json")
+    wait_until(lambda: begun(tmp_path))
+    (shaper,) = (pid for pid, command in processes_of_domain(domain).items() if "command_shaper" in command)
+    os.kill(shaper, signal.SIGKILL)
+    result = child.wait(60.0)
+    assert result.status == 1
+    record = read_bag(json.loads(result.output)["bag"])
+    assert record.outcome == "limit"
+    assert "table_driver: safety.stale_shear_limit [steps] passed at step" in record.reason
     assert processes_of_domain(domain) == {}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.frequency_response import FloatArray
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.safety import CommandLimit
+from bmd_rths_core.safety import SafetySupervisor, bring_to_rest
 from bmd_rths_core.table.controller import TableCommand, TableController
 
 #: How often `drive` reports progress [steps].
@@ -52,21 +52,25 @@ class Responses:
         return float(np.max(np.abs(self.floors)))
 
 
+class DrivingStopped(Exception):
+    """A limit ended the drive; the text says which."""
+
+
 def drive(
     table: TableController,
-    limit: CommandLimit,
+    supervisor: SafetySupervisor,
     commands: FloatArray,
     time_step: float,
     progress: Callable[[int], None] | None = None,
 ) -> Responses:
-    """Drive a table with given commands; it is stopped and closed whatever happens.
+    """Drive a table with given commands; it is brought to rest, stopped and closed whatever happens.
 
     Parameters
     ----------
     table : TableController
         The table.
-    limit : CommandLimit
-        Limits every command has to keep.
+    supervisor : SafetySupervisor
+        Limits, and the way to rest at the end.
     commands : ndarray, shape (N,)
         Acceleration commands [m/s²].
     time_step : float
@@ -80,8 +84,8 @@ def drive(
 
     Raises
     ------
-    LimitExceeded
-        A command passed a limit; it did not reach the table.
+    DrivingStopped
+        A limit was passed; the table is at rest.
     InputError
         A sensor that is needed gave no value.
     """
@@ -89,14 +93,19 @@ def drive(
     table.connect()
     try:
         for k, command in enumerate(commands.tolist()):
-            limit.step(k, command)
+            if not supervisor.check(k, command):
+                break
             measured = table.exchange(TableCommand(k, command))
+            supervisor.observe(measured)
             rows.append((measured.applied_command, measured.table_acceleration, *measured.floor_accelerations))
             if progress is not None and (k + 1) % PROGRESS_PERIOD == 0:
                 progress(k + 1)
+        bring_to_rest(table, supervisor)
     finally:
         table.stop()
         table.close()
+    if supervisor.reason:
+        raise DrivingStopped(supervisor.reason)
     if progress is not None:
         progress(len(rows))
     signals = np.array(rows)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import drive
+from bmd_rths_core.identification.driving import DrivingStopped, drive
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
 from bmd_rths_core.identification.frequency_response import (
     FrequencyResponse,
@@ -20,7 +20,6 @@ from bmd_rths_core.identification.frequency_response import (
 )
 from bmd_rths_core.paper_figures.comparison import Comparison
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, SIMPLIFIED, PaperSystem, table_name
-from bmd_rths_core.safety import LimitExceeded
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import simulated_table
 
@@ -138,11 +137,11 @@ def measure_table(config: Config, progress: Callable[[float], None] | None = Non
     """
     step = config.run.time_step
     commands = excitation_command(replace(_EXCITATION, seed=config.run.seed), step)
-    table, limit = make_table_controller(config), make_command_limit(config)
+    table, supervisor = make_table_controller(config), make_supervisor(config)
     told = None if progress is None else lambda steps: progress(steps / len(commands))
     try:
-        responses = drive(table, limit, commands, step, told)
-    except LimitExceeded as trip:
+        responses = drive(table, supervisor, commands, step, told)
+    except DrivingStopped as trip:
         raise InputError(f"identification run of {_EXCITATION.amplitude:g} m/s2: {trip}") from trip
     return without_hold(estimate_frequency_response(responses.command, responses.table, step), step)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -53,15 +54,25 @@ class TableMeasurement(NamedTuple):
     floor_accelerations: NDArray[np.float64]
 
 
+class NoAnswer(RuntimeError):
+    """The table controller did not answer a step in time: the step has no measurement, and the test goes on."""
+
+
 class TableController(Protocol):
     """A shake table, simulated or real, with the experimental substructure on it.
 
-    The order of calls is `connect`, then `exchange` once a step, then `stop`, then `close`. `stop` and `close` may be
-    called at any time and more than once.
+    The order of calls is `connect`, then `exchange` once a step, then `stop`, then `close`. `stop`, `emergency_stop`
+    and `close` may be called at any time and more than once, and raise nothing; `connect` then begins a new test.
     """
 
     def connect(self) -> None:
-        """Make the controller ready for step 0, at rest."""
+        """Make the controller ready for step 0, at rest.
+
+        Raises
+        ------
+        OSError, RuntimeError
+            It is not there, or does not want to.
+        """
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
         """Apply a command for one step and return the sensors at its end.
@@ -73,10 +84,23 @@ class TableController(Protocol):
         ----------
         command : TableCommand
             Step index and acceleration command.
+
+        Raises
+        ------
+        NoAnswer
+            The measurement of this step is lost; later steps may have one.
+        OSError, RuntimeError
+            The table is stopped or in an interlock, or the connection is broken: the test cannot go on.
         """
 
     def stop(self) -> None:
-        """Bring the table to rest; later commands are refused until the next `connect`."""
+        """Bring the table to rest in a controlled way; later commands are refused until the next `connect`."""
+
+    def emergency_stop(self) -> None:
+        """Bring the table to rest by the fastest way it has; later commands are refused until the next `connect`."""
 
     def close(self) -> None:
         """Release everything."""
+
+    def statistics(self) -> Mapping[str, str]:
+        """Return what the controller can tell about itself and the connection, for the diagnostics."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,6 +16,7 @@ from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.dynamics import StateSpace, series, servo_sections
+from bmd_rths_core.table.sensors import Sensors
 
 FloatArray = NDArray[np.float64]
 
@@ -98,6 +100,18 @@ class SimulatedTableConfig:
             raise InputError("simulated_table.sections: empty; dynamics 'sections' requires at least one row of six")
         self.state_space()
 
+    def sensors(self, floors: int, seed: int) -> Sensors:
+        """Return the simulated sensors.
+
+        Parameters
+        ----------
+        floors : int
+            Number of floors n.
+        seed : int
+            Seed of the noise.
+        """
+        return Sensors(floors, self.acceleration_noise, self.acceleration_resolution, self.shear_noise, seed)
+
     def state_space(self) -> StateSpace:
         """Return the table model without the pure delay."""
         if self.dynamics == "servo":
@@ -124,12 +138,9 @@ class SimulatedTable:
     """
 
     def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
-        self._seed = seed
+        self._sensors = config.sensors(specimen.stories, seed)
         self._masses = np.asarray(specimen.masses)
         self._platen_mass = config.platen_mass
-        self._noise = np.full(specimen.stories + 2, config.acceleration_noise)
-        self._noise[-1] = config.shear_noise
-        self._resolution = config.acceleration_resolution
 
         table = config.state_space()
         a, b, self._output, self._feedthrough = _plant(table, specimen)
@@ -148,7 +159,7 @@ class SimulatedTable:
 
     def connect(self) -> None:
         """Put the table at rest before step 0 and start the noise again from the seed."""
-        self._random = np.random.default_rng(self._seed)
+        self._sensors.reset()
         self._state = np.zeros(len(self._phi))
         self._line = deque([0.0] * (self._delay_steps + 2), maxlen=self._delay_steps + 2)
         self._next_step = 0
@@ -186,9 +197,17 @@ class SimulatedTable:
         """Refuse further commands; the model needs no ramp to rest."""
         self._connected = False
 
+    def emergency_stop(self) -> None:
+        """Refuse further commands."""
+        self._connected = False
+
     def close(self) -> None:
         """Refuse further commands; there is nothing to release."""
         self._connected = False
+
+    def statistics(self) -> Mapping[str, str]:
+        """Return nothing: a model has no connection."""
+        return {}
 
     def state_space(self) -> DiscreteStateSpace:
         """Return table and specimen as a linear system, without noise, quantisation and table displacement.
@@ -228,20 +247,15 @@ class SimulatedTable:
         truth = self._output @ self._state + self._feedthrough * line[1]
         table, floors, displacement = truth[0], truth[1:-1], truth[-1]
         shear = -float(self._masses @ floors)
-        noise = self._noise * self._random.standard_normal(len(self._noise))
-        sensed = truth[:-1] + noise[:-1]
-        if self._resolution > 0.0:
-            sensed = np.round(sensed / self._resolution) * self._resolution
         step = self._next_step
         self._next_step += 1
-        return TableMeasurement(
+        return self._sensors.read(
             step=step,
             applied_command=acceleration,
-            table_displacement=float(displacement),
-            table_acceleration=float(sensed[0]),
+            displacement=float(displacement),
+            accelerations=truth[:-1],
             actuator_force=float(self._platen_mass * table - shear),
-            base_shear=shear + float(noise[-1]),
-            floor_accelerations=sensed[1:],
+            base_shear=shear,
         )
 
 

@@ -30,8 +30,8 @@ class ConfigChoice:
     ----------
     config : str
         Path of a configuration file, or the name of one that is installed.
-    scheme, motion, component : str, optional
-        Options of the command line.
+    scheme, motion, component, table : str, optional
+        Options of the command line. A table is the name of a controller, or the address of the udp controller.
     models : tuple of str
         Files whose parameters replace those of the configuration file, a later one those of an earlier one.
     settings : tuple of str
@@ -42,6 +42,7 @@ class ConfigChoice:
     scheme: str | None = None
     motion: str | None = None
     component: str | None = None
+    table: str | None = None
     models: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
 
@@ -76,7 +77,10 @@ class ConfigChoice:
             "run__scheme": self.scheme,
             "ground_motion__record": self.motion,
             "ground_motion__component": self.component,
+            "table__controller": self.table,
         }
+        if self.table is not None and "://" in self.table:
+            options |= {"table__controller": "udp", "table__address": self.table}
         changes |= {name: value for name, value in options.items() if value is not None}
         resolved = load_config(_config_path(self.config))
         for model in self.models:
@@ -92,6 +96,9 @@ class ConfigChoice:
 _OPTIONS = {
     "scheme": click.option("--scheme", type=click.Choice(SCHEME_NAMES), help="Compensation scheme."),
     "motion": click.option("--motion", metavar="FILE", help="Ground-motion record, or the name of a shipped one."),
+    "table": click.option(
+        "--table", metavar="NAME", help="Table controller: simulated, udp://HOST:PORT, or the name of an installed one."
+    ),
     "component": click.option("--component", metavar="NAME", help="Component of a record with several."),
 }
 
@@ -102,7 +109,7 @@ def configured(*names: str) -> Callable[[Command], Command]:
     Parameters
     ----------
     *names : str
-        Some of ``scheme``, ``motion`` and ``component``.
+        Some of ``scheme``, ``motion``, ``component`` and ``table``.
 
     Returns
     -------

@@ -13,19 +13,19 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.table import Table
 
-from bmd_rths_core.assembly import make_command_limit, make_table_controller
+from bmd_rths_core.assembly import make_supervisor
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import Responses, drive, responses_of
+from bmd_rths_core.identification.driving import DrivingStopped, Responses, drive, responses_of
 from bmd_rths_core.identification.excitation import EXCITATION_KINDS, ExcitationSettings, excitation_command
 from bmd_rths_core.identification.output import frequency_response_text, model_text
 from bmd_rths_core.identification.specimen_model import SpecimenModel, identify_specimen
 from bmd_rths_core.identification.spectral_lines import LEAST_COHERENCE
 from bmd_rths_core.identification.table_model import LARGEST_ORDER, TableModel, identify_table
-from bmd_rths_core.safety import LimitExceeded
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar
+from bmd_rths_nodes.hardware.controllers import make_table_controller
 
 #: Largest command without --amplitude [m/s²]. A sweep dwells at each resonance of the specimen, so it has less.
 _AMPLITUDES = {"noise": 2.0, "sweep": 0.4}
@@ -34,7 +34,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command(epilog="Example: bmd-rths identify config/simplified_bmd.yaml --output model.yaml --frf measured.csv")
-@configured()
+@configured("table")
 @click.option("--what", type=click.Choice(("table", "specimen", "both")), default="both", help="What to identify.")
 @click.option("--bag", metavar="BAG", help="Take a recorded test instead of moving the table.")
 @click.option("--excitation", type=click.Choice(EXCITATION_KINDS), default="noise", help="How the table is moved.")
@@ -86,7 +86,7 @@ def identify(
     )
     try:
         responses = responses_of(read_bag(bag)) if bag is not None else _drive(resolved, excited)
-    except LimitExceeded as error:
+    except DrivingStopped as error:
         log(f"error: {error}")
         return 1
     table, specimen = _identified(responses, resolved, what, _radians(band), _radians(delay_band), fixed_order)
@@ -110,7 +110,7 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
         task = progress.add_task(_words(excited), total=len(commands))
         return drive(
             make_table_controller(config),
-            make_command_limit(config),
+            make_supervisor(config),
             commands,
             config.run.time_step,
             progress=lambda done: progress.update(task, completed=done),

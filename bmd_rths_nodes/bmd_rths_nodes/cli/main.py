@@ -9,6 +9,7 @@ import click
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.version import __version__
 from bmd_rths_nodes.cli.analyze import analyze
+from bmd_rths_nodes.cli.emulate import emulate
 from bmd_rths_nodes.cli.figures import figures
 from bmd_rths_nodes.cli.identify import identify
 from bmd_rths_nodes.cli.motions import motions
@@ -34,6 +35,7 @@ cli.add_command(analyze)
 cli.add_command(figures)
 cli.add_command(motions)
 cli.add_command(identify)
+cli.add_command(emulate)
 
 
 def main() -> int:

@@ -20,6 +20,7 @@ from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
+from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.supervisor import Supervisor
@@ -47,7 +48,7 @@ class RunFailed(Exception):
 
 
 @click.command(epilog="Example: bmd-rths run config/simplified_bmd.yaml --scheme plc_fc --output bags")
-@configured("scheme", "motion", "component")
+@configured("scheme", "motion", "component", "table")
 @click.option("--lockstep", is_flag=True, help="Start each step when the last one has closed, as fast as it goes.")
 @click.option("--composed", is_flag=True, help="Run the five nodes of the loop in one process.")
 @click.option("--output", type=click.Path(path_type=Path), help="Folder the bag is written into.")
@@ -67,6 +68,7 @@ def run(
     resolved = choice.resolve(run__record=True)
     if lockstep:
         resolved = resolved.changed(run__lockstep=True)
+    make_table_controller(resolved)  # refuses what is wrong before any process is started; nothing is connected
     steps = select_ground_motion(resolved.ground_motion, resolved.run.time_step).steps
     folder = output if output is not None else Path(resolved.recorder.directory)
     check_writable(folder)

@@ -21,7 +21,7 @@ from bmd_rths_nodes.naming import new_bag_directory
 @json_option
 def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
-    resolved = choice.resolve()
+    resolved = choice.resolve(table__controller="simulated")
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     if output is not None:
         check_writable(output)

@@ -24,6 +24,15 @@ STAGE = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 
+#: Asked for in real time by a table driver that waits for a real controller: a command that a newer one has overtaken
+#: is of no use to a table, and waiting for its answer would make the newer one late too.
+NEWEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
 #: Asked for by the stages in lockstep, where every message starts the next one and none may be lost.
 LOCKSTEP_STAGE = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

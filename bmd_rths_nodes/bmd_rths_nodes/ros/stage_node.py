@@ -112,11 +112,12 @@ class StageNode(LifecycleNode, ABC):
 
         return send
 
-    def subscribe_to(self, topic: Topic, step: Callable[[int, Any], None]) -> None:
+    def subscribe_to(self, topic: Topic, step: Callable[[int, Any], None], newest_only: bool = False) -> None:
         """Subscribe a stage to a topic; `step` gets step index and value, in the order of the steps.
 
         Messages that are malformed, repeated or older than the last one are counted and dropped; skipped steps are
-        counted as lost. Step 0 after a later one begins a new test.
+        counted as lost. Step 0 after a later one begins a new test. With `newest_only`, a message that was not read
+        in time is skipped when a newer one is there; in lockstep there never is.
         """
         time_step_ns = self.config.run.time_step_ns
         unpack = codec_of(topic, self.config).unpack
@@ -146,7 +147,8 @@ class StageNode(LifecycleNode, ABC):
             self.steps += 1
             step(index, value)
 
-        self.subscribe_raw(topic, on_message, qos.LOCKSTEP_STAGE if self.config.run.lockstep else qos.STAGE)
+        in_real_time = qos.NEWEST if newest_only else qos.STAGE
+        self.subscribe_raw(topic, on_message, qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time)
 
     def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to the bytes of a topic."""

@@ -1,0 +1,81 @@
+"""Simulated sensors on the table and the specimen: noise by seed, quantisation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.table.controller import TableMeasurement
+
+FloatArray = NDArray[np.float64]
+
+
+class Sensors:
+    """Accelerometers of table and floors, and load cells.
+
+    Parameters
+    ----------
+    floors : int
+        Number of floors n.
+    acceleration_noise : float
+        Noise of every accelerometer, root mean square [m/s²].
+    acceleration_resolution : float
+        Quantisation step of every accelerometer, 0 for none [m/s²].
+    shear_noise : float
+        Noise of the load cells, root mean square [N].
+    seed : int
+        Seed of the noise.
+    """
+
+    def __init__(
+        self, floors: int, acceleration_noise: float, acceleration_resolution: float, shear_noise: float, seed: int
+    ) -> None:
+        self._seed = seed
+        self._noise = np.full(floors + 2, acceleration_noise)
+        self._noise[-1] = shear_noise
+        self._resolution = acceleration_resolution
+        self.reset()
+
+    def reset(self) -> None:
+        """Start the noise again from the seed."""
+        self._random = np.random.default_rng(self._seed)
+
+    def read(
+        self,
+        step: int,
+        applied_command: float,
+        displacement: float,
+        accelerations: FloatArray,
+        actuator_force: float,
+        base_shear: float,
+    ) -> TableMeasurement:
+        """Return what the sensors say of the true motion.
+
+        Parameters
+        ----------
+        step : int
+            Step index.
+        applied_command : float
+            Acceleration command that was applied [m/s²].
+        displacement : float
+            Displacement of the table [m], measured without noise.
+        accelerations : ndarray, shape (1 + n,)
+            Absolute accelerations of the table and the floors [m/s²].
+        actuator_force : float
+            Force of the actuator [N], measured without noise.
+        base_shear : float
+            Interface shear [N].
+        """
+        noise = self._noise * self._random.standard_normal(len(self._noise))
+        sensed = accelerations + noise[:-1]
+        if self._resolution > 0.0:
+            sensed = np.round(sensed / self._resolution) * self._resolution
+        return TableMeasurement(
+            step=step,
+            applied_command=applied_command,
+            table_displacement=displacement,
+            table_acceleration=float(sensed[0]),
+            actuator_force=actuator_force,
+            base_shear=base_shear + float(noise[-1]),
+            floor_accelerations=sensed[1:],
+        )

@@ -1,0 +1,1 @@
+"""Table controllers outside of this process, and the virtual one."""

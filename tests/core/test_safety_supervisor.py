@@ -1,0 +1,422 @@
+"""The supervisor: every limit at its step, with its text and action; latched; nothing moves after a stop."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.safety import Action, SafetyConfig, SafetySupervisor, State, Trip
+from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_core.table.simulated import SimulatedTable
+from tests.conftest import WITHOUT_LIMITS
+from tests.core.test_loop import EL_CENTRO
+
+DT = 0.005
+STOPPING = [Action.HOLD, Action.RAMP, Action.EMERGENCY_STOP]
+STATES = {Action.HOLD: State.HOLDING, Action.RAMP: State.RAMPING, Action.EMERGENCY_STOP: State.STOPPED}
+
+
+def supervisor(**changes):
+    return SafetySupervisor(SafetyConfig(**changes), DT)
+
+
+def measurement(step, applied=0.0, displacement=0.0, acceleration=0.0, force=0.0, shear=0.0, floors=(0.0, 0.0)):
+    return TableMeasurement(step, applied, displacement, acceleration, force, shear, np.array(floors))
+
+
+def rest(observed, steps, first=0):
+    """Run some steps at rest."""
+    for step in range(first, first + steps):
+        assert observed.check(step, 0.0)
+        observed.observe(measurement(step))
+
+
+def way_to_rest(observed):
+    """Return every command on the way to rest, at most one after a hold has come to rest."""
+    commands = []
+    while not observed.at_rest and (command := observed.advance()) is not None:
+        commands.append(command)
+    return commands
+
+
+# ---- each limit: a change of the configuration, what happens in step 5, the trip that is told
+
+
+def send(*commands):
+    return lambda observed: [observed.check(5 + i, command) for i, command in enumerate(commands)]
+
+
+def sense(**values):
+    def happen(observed):
+        assert observed.check(5, 0.0)
+        observed.observe(measurement(5, **values))
+
+    return happen
+
+
+def skip(steps):
+    return lambda observed: observed.check(5 + steps, 0.0)
+
+
+def be_silent(steps):
+    return lambda observed: observed.silence(steps)
+
+
+def hear_nothing(steps):
+    return lambda observed: [observed.check(5 + i, 0.0) for i in range(steps + 1)]
+
+
+CASES = {
+    "acceleration": ({"acceleration_limit": 1.0}, send(1.1), 5, "m/s2", 1.1, "command 1.1, allowed is 1"),
+    "negative acceleration": ({"acceleration_limit": 1.0}, send(-1.1), 5, "m/s2", -1.1, "command -1.1, allowed is 1"),
+    "increment": ({"increment_limit": 1.5}, send(1.0, -0.6), 6, "m/s2", -1.6, "change of the command -1.6"),
+    "displacement": ({"displacement_limit": 0.1}, sense(displacement=-0.2), 5, "m", -0.2, "displacement -0.2, allowed"),
+    "force": ({"force_limit": 1e3}, sense(force=-2e3), 5, "N", -2e3, "actuator force -2000, allowed is 1000"),
+    "tracking": ({"tracking_time": DT, "tracking_limit": 1.0}, sense(acceleration=2.0), 5, "m/s2", 2.0, "error 2,"),
+    "stale_shear": ({"stale_shear_limit": 3}, skip(4), 9, "steps", 4, "steps without a command 4, allowed is 3"),
+    "silent shear": ({"stale_shear_limit": 3}, be_silent(4), 9, "steps", 4, "steps without a command 4, allowed is 3"),
+    "stale_controller": ({"stale_controller_limit": 3}, hear_nothing(4), 9, "steps", 4, "without a measurement 4,"),
+}
+
+
+@pytest.mark.parametrize("action", STOPPING)
+@pytest.mark.parametrize("case", CASES)
+def test_limit_trips_at_its_step_with_its_text_and_its_action(case, action):
+    changes, happen, step, unit, value, words = CASES[case]
+    limit = {"negative acceleration": "acceleration", "silent shear": "stale_shear"}.get(case, case)
+    observed = supervisor(**changes, **{f"{limit}_action": action.name.lower()})
+    rest(observed, 5)
+    happen(observed)
+    (trip,) = observed.trips
+    assert trip.limit == f"safety.{limit}_limit"
+    assert (trip.unit, trip.step, trip.action) == (unit, step, action)
+    assert trip.value == pytest.approx(value)
+    assert trip.allowed == getattr(SafetyConfig(**changes), f"{limit}_limit")
+    assert f"safety.{limit}_limit [{unit}] passed at step {step}: " in str(trip)
+    assert words in str(trip)
+    assert str(trip).endswith({"hold": "hold", "ramp": "ramp to rest"}.get(action.name.lower(), "emergency stop"))
+    assert observed.reason == str(trip)
+    assert observed.state is STATES[action]
+    assert not observed.check(100, 0.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_limit_that_is_only_indicated_does_not_stop(case):
+    changes, happen, step, *_ = CASES[case]
+    limit = {"negative acceleration": "acceleration", "silent shear": "stale_shear"}.get(case, case)
+    observed = supervisor(**changes, **{f"{limit}_action": "indicate"})
+    rest(observed, 5)
+    happen(observed)
+    assert [trip.step for trip in observed.trips] == [step]
+    assert str(observed.trips[0]).endswith("; indicated")
+    assert (observed.state, observed.reason) == (State.INDICATING, "")
+    assert observed.check(step + 1, 0.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_limit_that_is_ignored_says_nothing(case):
+    changes, happen, *_ = CASES[case]
+    limit = {"negative acceleration": "acceleration", "silent shear": "stale_shear"}.get(case, case)
+    observed = supervisor(**changes, **{f"{limit}_action": "ignore"})
+    rest(observed, 5)
+    happen(observed)
+    assert (observed.trips, observed.state) == ((), State.NORMAL)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_keeps_the_limit_does_not_trip(case):
+    """The same happens under a limit that is larger by a little."""
+    changes, happen, _, _, value, _ = CASES[case]
+    limit = {"negative acceleration": "acceleration", "silent shear": "stale_shear"}.get(case, case)
+    allowed = 4 if limit.startswith("stale") else abs(value) + 1e-9
+    observed = supervisor(**{**changes, f"{limit}_limit": allowed})
+    rest(observed, 5)
+    happen(observed)
+    assert observed.trips == ()
+
+
+# ---- values that are not finite
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_command_that_is_not_finite_is_never_passed_on(value):
+    observed = supervisor()
+    rest(observed, 5)
+    assert observed.check(5, 0.5)
+    assert not observed.check(6, value)
+    assert observed.reason == f"safety.non_finite_action: command at step 6 is {value}, not finite; ramp to rest"
+    commands = way_to_rest(observed)
+    assert [command.step for command in commands] == list(range(6, 6 + len(commands)))
+    assert all(math.isfinite(command.acceleration) for command in commands)
+
+
+SENSORS = ("displacement", "acceleration", "force", "shear", "floors")
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_sensor_that_falls_silent_trips_and_one_that_was_never_there_does_not(sensor):
+    lost = {sensor: (0.0, math.nan) if sensor == "floors" else math.nan}
+    observed = supervisor()
+    for step in range(5):
+        assert observed.check(step, 0.0)
+        observed.observe(measurement(step, **lost))
+    assert observed.trips == ()
+    observed.reset()
+    rest(observed, 5)
+    assert observed.check(5, 0.0)
+    observed.observe(measurement(5, **lost))
+    assert "at step 5 is nan, not finite" in observed.reason
+    assert not observed.check(6, 0.0)
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_infinite_sensor_trips_always(sensor):
+    observed = supervisor()
+    assert observed.check(0, 0.0)
+    observed.observe(measurement(0, **{sensor: (math.inf, 0.0) if sensor == "floors" else math.inf}))
+    assert not observed.check(1, 0.0)
+
+
+def test_nothing_but_a_stop_is_allowed_for_values_that_are_not_finite():
+    for action in ("ignore", "indicate"):
+        with pytest.raises(InputError, match=r"safety.non_finite_action: .* one of hold, ramp, emergency_stop"):
+            SafetyConfig(non_finite_action=action)
+
+
+# ---- prediction
+
+
+def test_displacement_limit_acts_before_the_braking_distance_is_used_up():
+    """At constant acceleration the trip comes where the stop just fits; the braking then stays within the limit."""
+    observed = supervisor(displacement_action="hold")
+    displacement = velocity = 0.0
+    step = 0
+    while observed.check(step, 1.0):
+        displacement, velocity = displacement + DT * velocity + 0.5 * DT**2, velocity + DT
+        observed.observe(measurement(step, 1.0, math.nan, 1.0))
+        step += 1
+    (trip,) = observed.trips
+    assert (trip.limit, trip.step) == ("safety.displacement_limit", step)
+    farthest = displacement
+    for command in way_to_rest(observed):
+        displacement += DT * velocity + 0.5 * DT**2 * command.acceleration
+        velocity += DT * command.acceleration
+        farthest = max(farthest, displacement)
+    limit = SafetyConfig().displacement_limit
+    assert velocity == pytest.approx(0.0, abs=1e-12)
+    assert limit - 0.01 < farthest <= limit
+    assert trip.value == pytest.approx(limit, abs=0.01)
+
+
+def test_velocity_limit_acts_on_the_predicted_velocity():
+    observed = supervisor(velocity_limit=0.1025, stale_controller_action="ignore")
+    steps = next(step for step in range(100) if not observed.check(step, 1.0))
+    (trip,) = observed.trips
+    assert trip.limit == "safety.velocity_limit"
+    assert steps == 20  # 0.1 m/s after 20 commands; from 1 m/s² the acceleration falls to zero in one step
+    assert trip.value == pytest.approx(21 * DT)
+
+
+def test_lasting_difference_to_the_measured_displacement_is_taken_into_account():
+    """A table that stands 0.2 m off centre has only 0.03 m left on that side."""
+    observed, fresh = supervisor(stale_controller_action="ignore"), supervisor(stale_controller_action="ignore")
+    for step in range(3000):
+        assert observed.check(step, 0.0)
+        observed.observe(measurement(step, displacement=0.2))
+    on_this_side = next(k for k in range(200) if not observed.check(3000 + k, 1.0))
+    centred = next(k for k in range(200) if not fresh.check(k, 1.0))
+    assert on_this_side < 0.5 * centred
+
+
+def test_motion_follows_what_the_controller_really_applied():
+    observed = supervisor()
+    for step in range(100):
+        assert observed.check(step, 0.4)
+        observed.observe(measurement(step, applied=0.0, acceleration=0.0))
+    observed.request(Action.RAMP)
+    assert all(command.acceleration == 0.0 for command in way_to_rest(observed))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=400), st.sampled_from(STOPPING[:2]))
+def test_no_sequence_of_commands_brings_the_table_out_of_its_limits(commands, action):
+    """What was passed on and what follows to rest stays within displacement, velocity and acceleration limit."""
+    config = SafetyConfig(displacement_limit=0.05, velocity_limit=0.4, increment_action="ignore")
+    observed = SafetySupervisor(config, DT)
+    passed = []
+    for step, command in enumerate(commands):
+        if not observed.check(step, command):
+            break
+        passed.append(command)
+        observed.observe(measurement(step, command, math.nan, command))
+    observed.request(action)
+    way = [command.acceleration for command in way_to_rest(observed)]
+    accelerations = np.array(passed + way)
+    assert len(way) * DT <= longest_ramp(config, DT)
+    velocity = DT * np.cumsum(accelerations)
+    displacement = np.cumsum(DT * np.concatenate(([0.0], velocity[:-1])) + 0.5 * DT**2 * accelerations)
+    assert np.abs(displacement).max() <= 0.05 + 1e-12
+    assert np.abs(velocity).max() <= 0.4 + 1e-12
+    assert np.abs(accelerations).max() <= 20.0
+    assert abs(velocity[-1]) < 1e-12
+    if observed.state is State.STOPPED:  # ramped, not held
+        assert abs(displacement[-1]) < 1e-12
+
+
+@pytest.mark.parametrize("applied", [1e4, -1e300])
+def test_absurd_applied_command_stops_the_table_without_a_ramp(applied):
+    """No ramp leads back from where such a command would have brought the table."""
+    observed = supervisor()
+    assert observed.check(0, 0.0)
+    observed.observe(measurement(0, applied))
+    assert not observed.check(1, 0.0)
+    assert observed.advance() is None
+    assert observed.state is State.STOPPED
+
+
+def test_nothing_fails_without_limits_however_large_the_command():
+    observed = supervisor(**{name.removeprefix("safety__"): value for name, value in WITHOUT_LIMITS.items()})
+    for step in range(200):
+        assert observed.check(step, (-10.0) ** min(step, 300))
+        observed.observe(measurement(step, (-10.0) ** min(step, 300)))
+    observed.request(Action.RAMP)
+    assert observed.advance() is None
+
+
+# ---- latch, order of severity, requests
+
+
+def test_trips_are_latched_until_reset():
+    observed = supervisor(acceleration_limit=1.0)
+    rest(observed, 3)
+    assert not observed.check(3, 2.0)
+    first = observed.trips
+    way_to_rest(observed)
+    for step in range(2000, 2010):
+        assert not observed.check(step, 0.0)
+        observed.observe(measurement(step))
+        assert observed.advance() is None
+    assert observed.trips == first
+    observed.reset()
+    assert (observed.trips, observed.state, observed.reason) == ((), State.NORMAL, "")
+    rest(observed, 3)
+
+
+@pytest.mark.parametrize("before", [(), (Action.HOLD,), (Action.RAMP,)])
+def test_nothing_moves_after_an_emergency_stop(before):
+    observed = supervisor()
+    rest(observed, 3)
+    assert observed.check(3, 1.0)
+    for action in before:
+        observed.request(action)
+        assert observed.advance() is not None
+    observed.request(Action.EMERGENCY_STOP)
+    assert observed.at_rest
+    for action in STOPPING:
+        observed.request(action)
+        assert observed.advance() is None
+        assert not observed.check(1000 + action, 0.0)
+
+
+def test_severer_limit_takes_over_and_a_milder_one_does_not():
+    holds = {f"{limit}_action": "hold" for limit in ("acceleration", "increment", "displacement")}
+    observed = supervisor(force_action="emergency_stop", **holds)
+    rest(observed, 3)
+    assert observed.check(3, 1.0)
+    assert not observed.check(4, 30.0)
+    assert observed.state is State.HOLDING
+    command = observed.advance()
+    observed.observe(measurement(command.step, command.acceleration, displacement=0.3, force=1e6))
+    assert observed.state is State.STOPPED
+    assert observed.advance() is None
+    limits = ["safety.acceleration_limit", "safety.increment_limit", "safety.displacement_limit", "safety.force_limit"]
+    assert {trip.limit for trip in observed.trips} == set(limits)
+
+
+def test_severest_action_of_one_step_is_taken():
+    observed = supervisor(acceleration_action="indicate", increment_action="hold")
+    rest(observed, 3)
+    assert not observed.check(3, 25.0)
+    assert observed.state in (State.HOLDING, State.RAMPING)
+    assert observed.trips[0].action is Action.INDICATE
+    assert observed.reason.startswith("safety.increment_limit")
+
+
+def test_hold_stays_with_zero_acceleration_until_the_operator_ramps():
+    observed = supervisor()
+    for step in range(60):
+        assert observed.check(step, 0.5)
+        observed.observe(measurement(step, 0.5, math.nan, 0.5))
+    observed.request(Action.HOLD)
+    held = way_to_rest(observed)
+    assert observed.at_rest
+    assert [observed.advance().acceleration for _ in range(5)] == [0.0] * 5
+    observed.request(Action.RAMP)
+    ramp = way_to_rest(observed)
+    accelerations = np.array([0.5] * 60 + [c.acceleration for c in held] + [0.0] * 5 + [c.acceleration for c in ramp])
+    velocity = DT * np.cumsum(accelerations)
+    displacement = DT * np.cumsum(velocity) - 0.5 * DT**2 * np.cumsum(accelerations)
+    assert abs(velocity[-1]) < 1e-12
+    assert abs(displacement[-1]) < 1e-12
+    assert observed.state is State.STOPPED
+
+
+def test_commands_held_by_the_table_are_part_of_the_motion():
+    """Ten steps of 0.5 m/s² are held by the table for ten more: the ramp takes that motion away too."""
+    observed = supervisor(stale_shear_limit=5)
+    for step in range(10):
+        assert observed.check(step, 0.5)
+    observed.silence(10)
+    way = way_to_rest(observed)
+    assert way[0].step == 20
+    accelerations = np.array([0.5] * 20 + [command.acceleration for command in way])
+    velocity = DT * np.cumsum(accelerations)
+    assert abs(velocity[-1]) < 1e-12
+    assert abs(DT * velocity.sum() - 0.5 * DT**2 * accelerations.sum()) < 1e-12
+
+
+def test_step_of_the_past_is_refused():
+    observed = supervisor()
+    rest(observed, 3)
+    with pytest.raises(ValueError, match="command of step 2 comes after that of step 2"):
+        observed.check(2, 0.0)
+
+
+def test_trip_found_elsewhere_begins_its_action():
+    observed = supervisor()
+    observed.record([Trip("safety.stability_limit", "1", "stability indicator", 0.8, 0.7, 9, Action.RAMP)])
+    assert observed.state is State.RAMPING
+    assert not observed.check(9, 0.0)
+
+
+# ---- with the simulated table
+
+
+class TableThatStaysOn(SimulatedTable):
+    """Can be asked where it stands after the test."""
+
+    def stop(self):
+        """Go on."""
+
+    close = stop
+
+    def displacement(self, step):
+        return self.exchange(TableCommand(step, 0.0)).table_displacement
+
+
+@pytest.mark.parametrize("changes", [{}, {"safety__acceleration_limit": 1.0}, {"safety__velocity_limit": 0.1}])
+def test_simulated_table_is_at_rest_at_zero_after_every_test(changes):
+    """The servo has unit gain at zero frequency: when the commands leave nothing, it does not either."""
+    config = Config().changed(**changes)
+    table = TableThatStaysOn(config.simulated_table, config.specimen.building(), DT, 0)
+    record = RthsLoop(config, EL_CENTRO, table).run()
+    assert record.outcome == ("limit" if changes else "finished")
+    assert np.nanmax(np.abs(record.table_displacement)) > 1e-3
+    assert abs(table.displacement(10000)) < 1e-9
+    assert abs(table.displacement(20000)) < 1e-9
