@@ -181,10 +181,17 @@ class Config:
             The file is wrong; it is named.
         """
         mapping: dict[str, Any] = self.as_mapping()
+        floors = len(self.specimen.masses)
         for name, values in _read_sections(path).items():
             known = isinstance(values, Mapping) and name in mapping
             mapping[name] = {**mapping[name], **values} if known else values
-        return _named(path, mapping)
+        merged = _named(path, mapping)
+        if len(merged.specimen.masses) != floors:
+            raise InputError(
+                f"{path}: specimen.masses has {len(merged.specimen.masses)} entries, the configuration {floors}; "
+                "a model of the same specimen is required"
+            )
+        return merged
 
 
 #: Section classes by name, in the order of the file.

@@ -76,10 +76,10 @@ def tracking_delay(desired: FloatArray, achieved: FloatArray, time_step: float, 
     Returns
     -------
     float
-        Delay of `achieved` behind `desired` [s]; NaN when one of them is zero.
+        Delay of `achieved` behind `desired` [s]; NaN when one of them is zero or has less than three samples.
     """
     desired, achieved = np.nan_to_num(desired), np.nan_to_num(achieved)
-    if not desired.any() or not achieved.any():
+    if len(desired) < 3 or not desired.any() or not achieved.any():
         return float("nan")
     lags = min(round(longest / time_step), len(desired) - 2)
     padded = 2 * len(desired)  # the correlation by Fourier transform is circular
@@ -109,10 +109,10 @@ def run_metrics(record: RunRecord) -> RunMetrics:
     reference = reference_of(record, config)
     lower = len(config.numerical_substructure.masses)
     at_interface = rmse_percent(reference[:, lower - 1], record.desired_acceleration)
-    floors = tuple(
-        rmse_percent(reference[1:, lower + i], record.floor_accelerations[:-1, i])
-        for i in range(len(config.specimen.masses))
-    )
+    measured = record.floor_accelerations
+    if not measured.size:  # nothing was measured at all
+        measured = np.full((record.steps, len(config.specimen.masses)), np.nan)
+    floors = tuple(rmse_percent(reference[1:, lower + i], measured[:-1, i]) for i in range(len(config.specimen.masses)))
     delay = tracking_delay(record.desired_acceleration[1:], record.table_acceleration[:-1], record.time_step)
     missing = sum(int(np.isnan(signal).sum()) for name, signal in record.signals().items() if name in _EVERY_STEP)
     return RunMetrics(

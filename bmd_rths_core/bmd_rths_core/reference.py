@@ -32,8 +32,7 @@ def reference_response(building: ShearBuilding, ground_acceleration: FloatArray,
     a, b, c = building.relative_motion()
     phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step)
     state = np.zeros(len(a))
-    response = np.empty((len(ground_acceleration), building.stories))
-    response[0] = c @ state
+    response = np.zeros((len(ground_acceleration), building.stories))
     for k in range(1, len(ground_acceleration)):
         state = phi @ state + gamma_0[:, 0] * ground_acceleration[k - 1] + gamma_1[:, 0] * ground_acceleration[k]
         response[k] = c @ state
@@ -80,6 +79,8 @@ def nonlinear_reference_response(
     stories.reset()
     state, deviation, last_deviation = np.zeros(2 * n), np.zeros(n), np.zeros(n)
     response = np.zeros((len(ground_acceleration), n))
+    if not len(ground_acceleration):
+        return response
     fine = np.interp(
         np.arange((len(ground_acceleration) - 1) * substeps + 1) / substeps,
         np.arange(len(ground_acceleration)),

@@ -134,10 +134,11 @@ def test_partial_file_replaces_what_it_names_and_nothing_else(tmp_path):
     assert config.merged(path) == config.changed(command_shaper__alpha=3.8, specimen__identified_frequency=30.0)
 
 
-def test_specimen_of_other_height_can_be_merged(tmp_path):
+def test_specimen_of_other_height_is_refused(tmp_path):
     path = tmp_path / "model.yaml"
-    path.write_text(below("specimen: {masses: [1.0], stiffnesses: [2.0], damping_coefficients: [3.0]}"))
-    assert Config().merged(path).specimen.building().stories == 1
+    path.write_text(below("specimen:", "  masses: [760.0]", "  stiffnesses: [1000.0]", "  damping_coefficients: [0.0]"))
+    with pytest.raises(InputError, match=r"model.yaml: specimen.masses has 1 entries, the configuration 2"):
+        Config().merged(path)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Metrics against closed forms."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -59,3 +61,18 @@ def test_perfect_table_tracks_one_step_late_and_floors_are_compared_at_the_time_
     assert metrics.missing_values == 0
     assert metrics.rmse_percent["control_layer"] == metrics.floor_rmse_percent[0]
     assert metrics.rmse_percent["superstructure"] == metrics.floor_rmse_percent[-1]
+
+
+@pytest.mark.parametrize(
+    "nonlinear",
+    [{}, {"nonlinear__integration": "cr", "nonlinear__story_model": "bilinear", "nonlinear__yield_drifts": [1e-4]}],
+)
+@pytest.mark.parametrize("steps", [0, 1, 2])
+def test_record_that_ended_at_once_has_no_errors_but_can_be_looked_at(steps, nonlinear):
+    config = Config().changed(**nonlinear)
+    record = RthsLoop(config, GroundMotion("pulse", DT, np.ones(400), "test", "0" * 64)).run()
+    cut = dataclasses.replace(record, **{name: signal[:steps] for name, signal in record.signals().items()})
+    metrics = run_metrics(cut)
+    assert all(np.isnan(value) for value in metrics.rmse_percent.values()) == (steps < 2)
+    without_sensors = dataclasses.replace(cut, floor_accelerations=np.zeros((steps, 0)))
+    assert np.isnan(run_metrics(without_sensors).rmse_percent["superstructure"])

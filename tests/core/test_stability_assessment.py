@@ -13,7 +13,7 @@ from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import confirm, free_growth
 from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval, loop_of
 from bmd_rths_core.stability.discrete import ClosedLoop, closed_loop, discrete_margin, with_mass_ratio
-from bmd_rths_core.stability.elements import Delay
+from bmd_rths_core.stability.elements import Delay, MeasuredResponse
 from bmd_rths_core.stability.models import experimental_modes, numerical_oscillator, table_sections, uncoupled_modes
 from bmd_rths_core.stability.response_file import read_frequency_response
 from bmd_rths_core.stability.unit_circle import transfer_function
@@ -218,6 +218,17 @@ def test_measured_table_replaces_table_and_delay(tmp_path):
     )
     assert measured.discrete is None
     assert "measured" in measured.discrete_reason
+
+
+@pytest.mark.parametrize(("highest", "go"), [(18.0, False), (25.0, True)])
+def test_measurement_that_does_not_cover_the_modes_is_no_go(highest, go):
+    """The second mode of the specimen is at 19.2 Hz."""
+    omega = np.linspace(0.1, 2.0 * np.pi * highest, 1000)
+    options = AnalysisOptions(measured_table=MeasuredResponse(omega, np.exp(-0.001j * omega)))
+    result = assess(with_mass_ratio(Config().changed(run__scheme="uc"), 0.01), options)
+    assert result.continuous.stable
+    assert result.go == go
+    assert ("measured up to 18 Hz, but the substructures have modes up to 19.21 Hz" in result.verdict_text) != go
 
 
 @pytest.mark.parametrize(

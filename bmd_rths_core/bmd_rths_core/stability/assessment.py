@@ -71,6 +71,8 @@ class Assessment:
         None when it could not be made.
     discrete_reason : str
         Why it could not be made; empty otherwise.
+    unknown_modes : str
+        Why the table is not known well enough for a verdict, in words; empty otherwise.
     """
 
     mass_ratio: float
@@ -79,6 +81,7 @@ class Assessment:
     continuous_complete: Analysis
     discrete: DiscreteAnalysis | None
     discrete_reason: str
+    unknown_modes: str = ""
 
     @property
     def analyses(self) -> dict[str, Analysis]:
@@ -88,8 +91,8 @@ class Assessment:
 
     @property
     def go(self) -> bool:
-        """True when every analysis that could be made is stable at the configured mass ratio."""
-        return all(analysis.stable for analysis in self.analyses.values())
+        """True when every analysis that could be made is stable as configured, and the table is known well enough."""
+        return not self.unknown_modes and all(analysis.stable for analysis in self.analyses.values())
 
     @property
     def gain_margins(self) -> dict[str, float]:
@@ -121,6 +124,8 @@ class Assessment:
     @property
     def verdict_text(self) -> str:
         """The verdict in words, with the numbers it rests on."""
+        if self.unknown_modes:
+            return f"NO-GO: {self.unknown_modes}"
         if not self.go:
             unstable = {name: analysis for name, analysis in self.analyses.items() if not analysis.stable}
             share = self.largest_feedback_scale
@@ -172,6 +177,7 @@ def assess(config: Config, options: AnalysisOptions) -> Assessment:
         _continuous(complete_loop(config, options), ratio, largest),
         discrete,
         reason,
+        _unknown_modes(config, options),
     )
 
 
@@ -185,6 +191,22 @@ def _discrete(config: Config, options: AnalysisOptions, largest: float) -> tuple
         return None, "a measured frequency response of the table cannot be advanced step by step"
     radius = closed_loop(config).spectral_radius
     return DiscreteAnalysis(discrete_margin(config, largest), radius < 1.0, radius), ""
+
+
+def _unknown_modes(config: Config, options: AnalysisOptions) -> str:
+    """Tell when a mode of the specimen, or the first one of the numerical substructure, is above what was measured."""
+    if options.measured_table is None:
+        return ""
+    buildings = config.specimen.building(), config.numerical_substructure.building()
+    highest = max(float(buildings[0].modes().frequencies[-1]), float(buildings[1].modes().frequencies[0]))
+    last = options.measured_table.last_frequency
+    if last >= highest:
+        return ""
+    known, needed = last / (2.0 * np.pi), highest / (2.0 * np.pi)
+    return (
+        f"the table was measured up to {known:.4g} Hz, but the substructures have modes up to {needed:.4g} Hz; "
+        "a measurement that covers them is required"
+    )
 
 
 def _mass_quotient(ratio: float) -> float:

@@ -40,7 +40,9 @@ Drawn = tuple[FigureData, list[Path]]
 @click.option("--output", type=click.Path(path_type=Path), default="figures", show_default=True, help="Folder.")
 @click.option("--only", metavar="NUMBERS", help=f"Some of {','.join(map(str, FIGURES))}.")
 @click.option("--motion", metavar="FILE", help="Ground-motion record of Figure 13.")
-@click.option("--format", "formats", default=",".join(FORMATS), show_default=True, help="File formats.")
+@click.option(
+    "--format", "formats", default=",".join(FORMATS), show_default=True, help=f"Some of {', '.join(FORMATS)}."
+)
 @json_option
 def figures(
     configs: tuple[str, ...], output: Path, only: str | None, motion: str | None, formats: str, as_json: bool

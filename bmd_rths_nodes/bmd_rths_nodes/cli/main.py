@@ -2,40 +2,53 @@
 
 from __future__ import annotations
 
+import difflib
+import importlib
 import sys
+from typing import Any
 
 import click
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.version import __version__
-from bmd_rths_nodes.cli.analyze import analyze
-from bmd_rths_nodes.cli.emulate import emulate
-from bmd_rths_nodes.cli.figures import figures
-from bmd_rths_nodes.cli.identify import identify
-from bmd_rths_nodes.cli.motions import motions
 from bmd_rths_nodes.cli.options import log
-from bmd_rths_nodes.cli.run import run
-from bmd_rths_nodes.cli.simulate import simulate
-from bmd_rths_nodes.cli.stability import stability
+
+#: Commands in the order of the help; each is the function of its name in the module of its name.
+COMMANDS = ("run", "simulate", "stability", "identify", "analyze", "figures", "motions", "emulate")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class LazyGroup(click.Group):
+    """Commands that are imported when they are asked for: help and a mistyped word do not wait for scipy."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: Any = getattr(importlib.import_module(f"bmd_rths_nodes.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find a command, or tell which one may have been meant."""
+        name = args[0]
+        similar = difflib.get_close_matches(name, COMMANDS, n=1)
+        if name not in COMMANDS and similar and not name.startswith("-"):
+            raise click.UsageError(f"No such command {name!r}. Did you mean {similar[0]!r}?", ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__)
 def cli() -> None:
     """Real-time hybrid simulation on a shake table.
 
     Exit status: 0 finished, 1 the run failed or was stopped, 2 wrong usage or input.
     """
-
-
-cli.add_command(run)
-cli.add_command(simulate)
-cli.add_command(stability)
-cli.add_command(analyze)
-cli.add_command(figures)
-cli.add_command(motions)
-cli.add_command(identify)
-cli.add_command(emulate)
 
 
 def main() -> int:

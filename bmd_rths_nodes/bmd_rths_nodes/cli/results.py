@@ -26,7 +26,7 @@ def result_of(record: RunRecord) -> dict[str, Any]:
     Returns
     -------
     dict
-        The object of ``--json``. Errors of an unstable run are None.
+        The object of ``--json``. Errors of a run that a limit ended are None.
     """
     metrics = run_metrics(record)
     result = {
@@ -64,7 +64,10 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     title = f"{result['motion']}, {result['scheme']}: {result['outcome']} ({result['reason']})"
     table = Table(title=Text(title), title_justify="left", show_header=False, title_style="bold")
     for floor, value in result["rmse_percent"].items():
-        table.add_row(f"RMSE {floor.replace('_', ' ')}", "unstable" if not result["stable"] else _number(value, "%"))
+        table.add_row(
+            f"RMSE {floor.replace('_', ' ')}",
+            "not computed, a limit ended the test" if not result["stable"] else _number(value, "%"),
+        )
     table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))
     table.add_row("steps", str(result["steps"]))
     if result["missing_values"]:
