@@ -1,11 +1,14 @@
 """Real middleware for every test: a domain of its own, child processes that never outlive it."""
 
+import fcntl
 import itertools
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,16 +20,31 @@ ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
 EIGHT_STORY = ROOT / "config" / "eight_story_bmd.yaml"
 
-_domains = itertools.count(os.getpid() % 90)
+_numbers = itertools.count(os.getpid() % 90)
 
 
 @pytest.fixture(autouse=True)
 def domain(monkeypatch):
-    """Give the test a ROS domain of its own, on this machine only."""
-    number = 1 + next(_domains) % 100
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    return number
+    """Give the test a ROS domain of its own, on this machine only, whoever else runs these tests at the same time."""
+    with _free_domain() as number:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        yield number
+
+
+@contextmanager
+def _free_domain():
+    """Lock one of a hundred domains; the last one used comes last, as its processes may not be forgotten yet."""
+    for _ in range(100):
+        number = 1 + next(_numbers) % 100
+        with open(Path(tempfile.gettempdir()) / f"bmd_rths_{os.getuid()}_test_domain_{number}", "a") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield number
+            return
+    raise RuntimeError("all ROS domains are in use by other tests")
 
 
 @pytest.fixture
