@@ -141,3 +141,7 @@ class SeriesTable:
 
     def gain_bound(self, frequency):
         return np.prod([element.gain_bound(frequency) for element in self._elements])
+
+    @property
+    def last_frequency(self):
+        return min(element.last_frequency for element in self._elements)

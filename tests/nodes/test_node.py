@@ -1,6 +1,7 @@
 """One node seen from ROS: parameters, lifecycle, status, messages of other nodes."""
 
 import math
+import time
 
 import pytest
 import rclpy
@@ -253,7 +254,16 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
         client.spin_some()
         return told.get("/rths/table_driver", {}).get("table")
 
-    wait_until(lambda: send(0) or send(1) or measured)
+    def begin():
+        """Send two steps, and wait before sending them again: a step 0 that is still on its way begins a new test."""
+        send(0)
+        send(1)
+        end = time.monotonic() + 2.0
+        while not measured and time.monotonic() < end:
+            client.spin_some()
+        return measured
+
+    wait_until(begin)
     wait_until(lambda: table() == "moving")
     ended = status.NodeStatus("/rths/numerical_substructure", status.ENDED)
     diagnostics.publish(status.to_message(ended, 0, 0))
