@@ -63,6 +63,13 @@ class RunConfig:
         lower=0,
         upper=100000,
     )
+    preflight: str = parameter(
+        "enforce",
+        description="What `bmd-rths run` does before a test whose prediction passes a limit or is not stable: enforce "
+        "refuses it, override runs it all the same, skip predicts nothing",
+        source="docs/decisions/0011",
+        choices=("enforce", "override", "skip"),
+    )
 
     def __post_init__(self) -> None:
         """Check the values; a time step is a whole number of nanoseconds, because message stamps are."""

@@ -35,6 +35,13 @@ class RthsLoop:
         Ground motion with one sample a step.
     table : TableController, optional
         Used instead of the configured one.
+
+    Attributes
+    ----------
+    supervisor : SafetySupervisor
+        What is in the path of the command; it knows the limits that were passed.
+    stability_indicator : StabilityIndicator
+        What watches the numerical substructure.
     """
 
     def __init__(self, config: Config, motion: GroundMotion, table: TableController | None = None) -> None:
@@ -42,8 +49,8 @@ class RthsLoop:
         self._motion = motion
         self._numerical_substructure = make_numerical_substructure(config)
         self._command_shaper = make_command_shaper(config)
-        self._stability_indicator = make_stability_indicator(config)
-        self._supervisor = make_supervisor(config)
+        self.stability_indicator = make_stability_indicator(config)
+        self.supervisor = make_supervisor(config)
         self._table = table if table is not None else make_table_controller(config)
         self._shear_estimator = make_shear_estimator(config)
         self._force_correction = make_force_correction(config)
@@ -68,7 +75,7 @@ class RthsLoop:
         self._table.connect()
         try:
             steps, outcome, reason = self._run_steps(ground, signals, progress)
-            bring_to_rest(self._table, self._supervisor)
+            bring_to_rest(self._table, self.supervisor)
         finally:
             self._table.stop()
             self._table.close()
@@ -85,25 +92,25 @@ class RthsLoop:
         self, ground: FloatArray, signals: dict[str, FloatArray], progress: Callable[[int], None] | None
     ) -> tuple[int, str, str]:
         stages = (self._numerical_substructure, self._command_shaper, self._shear_estimator)
-        for stage in (*stages, self._stability_indicator, self._supervisor):
+        for stage in (*stages, self.stability_indicator, self.supervisor):
             stage.reset()
         feedback = 0.0
         for k, ground_acceleration in enumerate(ground.tolist()):
             response = self._numerical_substructure.step(ground_acceleration, feedback)
-            unstable = self._stability_indicator.step(k, feedback, self._numerical_substructure.displacements)
+            unstable = self.stability_indicator.step(k, feedback, self._numerical_substructure.displacements)
             if unstable is not None:
-                self._supervisor.record([unstable])
-                if self._supervisor.reason:
-                    return k, "limit", self._supervisor.reason
+                self.supervisor.record([unstable])
+                if self.supervisor.reason:
+                    return k, "limit", self.supervisor.reason
             command = self._command_shaper.step(response.desired_acceleration)
             signals["ground_acceleration"][k] = ground_acceleration
             signals["desired_acceleration"][k] = response.desired_acceleration
             signals["required_force"][k] = response.required_force
             signals["command"][k] = command
-            if not self._supervisor.check(k, command):
-                return k + 1, "limit", self._supervisor.reason
+            if not self.supervisor.check(k, command):
+                return k + 1, "limit", self.supervisor.reason
             measurement = self._table.exchange(TableCommand(k, command))
-            self._supervisor.observe(measurement)
+            self.supervisor.observe(measurement)
             shear = self._shear_estimator.step(measurement)
             feedback = self._force_correction.step(response.required_force, shear)
             signals["applied_command"][k] = measurement.applied_command

@@ -18,7 +18,7 @@ from bmd_rths_core.record import TimingStatistics, provenance
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
 from bmd_rths_msgs_py.story import end_metadata, start_metadata
-from bmd_rths_msgs_py.topics import DIAGNOSTICS, NUMERICAL_SUBSTRUCTURE, RECORDER, TOPICS, Topic
+from bmd_rths_msgs_py.topics import DIAGNOSTICS, NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER, TOPICS, Topic
 from bmd_rths_nodes.naming import new_bag_directory
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.spin import run_nodes
@@ -26,11 +26,11 @@ from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.versions import ros_versions
 
-#: The bag is closed when the test has ended and nothing more has come for this long [s].
+#: The bag is closed when the test has ended, the table is at rest and nothing more has come for this long [s].
 QUIET_PERIOD = 0.2
 
 #: A test that is under way but silent for this long has lost its numerical substructure [s]; longer than a step of
-#: lockstep may take.
+#: lockstep may take, and than the way of the table to rest.
 LONGEST_SILENCE = 6.0
 
 #: Added to the niceness of the recorder's process.
@@ -41,7 +41,8 @@ class RecorderNode(StageNode):
     """Node around `bmd_rths_msgs_py.bag_writer.BagWriter`.
 
     The bag is opened, with the whole story of the test, when the node is activated, and closed when the numerical
-    substructure tells how the test ended. One activation records one test.
+    substructure has told how the test ended, and the table driver that the table is at rest. One activation records one
+    test.
     """
 
     ROLE = RECORDER
@@ -71,10 +72,15 @@ class RecorderNode(StageNode):
         self._last_message = time.perf_counter()
         self._messages = 0
         self._end: NodeStatus | None = None
+        self._table_moves = False
 
     def stop_stage(self) -> None:
         """Close the bag, whatever has come so far."""
-        if self.configured and self._writer is not None:
+        if not self.configured or self._writer is None:
+            return
+        if self._end is not None:
+            self._close_as_told(self._end)
+        else:
             self._close("stopped", "the recorder was stopped before the test ended", None)
 
     def wants_more_time(self) -> bool:
@@ -92,8 +98,8 @@ class RecorderNode(StageNode):
                 self._guarded(self._writer.flush)
                 self._flush_due = now + self.config.recorder.flush_period
             silence = now - self._last_message
-            if self._end is not None and silence > QUIET_PERIOD:
-                self._close(self._end.values["outcome"], self._end.message, _timing(self._end))
+            if self._end is not None and silence > (LONGEST_SILENCE if self._table_moves else QUIET_PERIOD):
+                self._close_as_told(self._end)
             elif self._end is None and self.steps > 0 and silence > LONGEST_SILENCE:
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return min(super().poll(now), self._flush_due)
@@ -131,6 +137,8 @@ class RecorderNode(StageNode):
         for peer in status.from_message(deserialize_message(data, DiagnosticArray)):
             if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state == status.ENDED and peer.values.get("outcome"):
                 self._end = peer
+            elif peer.role == TABLE_DRIVER:
+                self._table_moves = peer.values.get("table") == "moving"
 
     def _record(self, name: str, type_name: str, data: bytes) -> None:
         now = time.time_ns()
@@ -147,6 +155,9 @@ class RecorderNode(StageNode):
             self.set_state(status.TRIPPED, f"{self._bag}: cannot be written: {error.strerror}", status.ERROR)
             return False
         return True
+
+    def _close_as_told(self, end: NodeStatus) -> None:
+        self._close(end.values["outcome"], end.message, _timing(end))
 
     def _close(self, outcome: str, reason: str, timing: TimingStatistics | None) -> None:
         writer = self._writer

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Callable, Mapping
 
 from bmd_rths_core.assembly import make_supervisor
 from bmd_rths_core.config import Config
@@ -15,8 +16,9 @@ from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT, NUMERICAL_SUBSTRUCTURE
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.spin import run_nodes
-from bmd_rths_nodes.ros.stage_node import StageNode
+from bmd_rths_nodes.ros.stage_node import STATUS_PERIOD, StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, RESET, STOP, Refused
 
 #: Time between two looks at a table driver that gets no command [s].
 SILENCE_PERIOD = 0.05
@@ -29,15 +31,16 @@ class TableDriverNode(StageNode):
     """Node around a `bmd_rths_core.table.controller.TableController`, simulated or real.
 
     The safety supervisor looks at every command and measurement. When it refuses a command, or no command comes any
-    more, the node trips, brings the table to rest, and nothing moves until it is deactivated and activated again. At
-    the end of every test the table is brought to rest in the same way. A step that the controller does not answer has
-    no measurement, so that it misses its deadline.
+    more, or the operator asks for it, the node trips, brings the table to rest, and nothing moves until it is reset or
+    activated again. At the end of every test the table is brought to rest in the same way. A step that the controller
+    does not answer has no measurement, so that it misses its deadline.
     """
 
     ROLE = TABLE_DRIVER
     SECTIONS = ("run", "safety", "table", "simulated_table", "specimen")
 
     _advance_due = _silence_due = math.inf
+    _test_runs_until = 0.0
 
     def configure_stage(self, config: Config) -> None:
         """Make controller, supervisor and topics."""
@@ -65,6 +68,7 @@ class TableDriverNode(StageNode):
         self._outcome = ""
         self._moving = self._ended = False
         self._command_time = 0.0
+        self._command_step = -1
         self._silence_due = self._advance_due = math.inf
 
     def stop_stage(self) -> None:
@@ -85,7 +89,7 @@ class TableDriverNode(StageNode):
         values = {"controller": self.config.table.controller}
         if self.configured:
             values |= {
-                "table": "moving" if self._moving else "at rest",
+                "table": "moving" if self._moving and not self._supervisor.at_rest else "at rest",
                 "supervisor": self._supervisor.state.value,
                 "trips": " | ".join(str(trip) for trip in self._supervisor.trips),
                 "outcome": self._outcome,
@@ -104,9 +108,63 @@ class TableDriverNode(StageNode):
                 self._trip("limit", self._supervisor.reason)
         return min(super().poll(now), self._advance_due, self._silence_due)
 
+    def operator_services(self) -> Mapping[str, Callable[[], str]]:
+        """Offer the operator stop, emergency stop and reset."""
+        return {STOP: self._on_stop, EMERGENCY_STOP: self._on_emergency_stop, RESET: self._on_reset}
+
+    def _on_stop(self) -> str:
+        """Ramp to rest. It is latched, also when nothing moves yet: no test begins before a reset."""
+        self._refuse_when_inactive()
+        if self.state not in (status.TRIPPED, status.ENDED):
+            self._supervisor.request(Action.RAMP)
+            self._trip("stopped", "stopped by the operator")
+            return f"the table is brought to rest, {self._since()}"
+        if self._supervisor.state is State.HOLDING:
+            self._supervisor.request(Action.RAMP)
+            return "the hold has ended; the table is brought back to zero displacement"
+        return "the table is on its way to rest already" if self._moving else "the table is at rest already"
+
+    def _on_emergency_stop(self) -> str:
+        """Stop the table by the fastest way it has, whatever it is doing."""
+        self._refuse_when_inactive()
+        self._supervisor.request(Action.EMERGENCY_STOP)
+        self._trip("stopped", "emergency stop by the operator")
+        self._advance()
+        return f"emergency stop: the table controller was told to stop at once, {self._since()}"
+
+    def _on_reset(self) -> str:
+        """Arm again for a new test, as an activation does."""
+        self._refuse_when_inactive()
+        if time.perf_counter() < self._test_runs_until:
+            raise Refused("a test is running; stop it first")
+        if self._supervisor.state is State.HOLDING:
+            raise Refused(f"the table is held off zero displacement; {STOP} brings it back first")
+        if self._moving:
+            raise Refused("the table is still on its way to rest")
+        if self.state != status.TRIPPED:
+            raise Refused(f"there is nothing to reset: the table driver is {self.state}")
+        try:
+            self._table.connect()
+        except (OSError, RuntimeError) as error:
+            raise Refused(f"table controller: {error}") from error
+        self._forget_the_last_test()
+        self.expect_a_new_test()
+        return "armed for a new test"
+
+    def _refuse_when_inactive(self) -> None:
+        if self.state == status.INACTIVE:
+            raise Refused("the table driver is inactive; it moves nothing")
+
+    def _since(self) -> str:
+        return f"after step {self._command_step}" if self._command_step >= 0 else "before step 0"
+
     def _on_peer(self, peer: NodeStatus) -> None:
         """Bring the table to rest when the test has ended; what is still on its way must not move it again."""
-        ended = peer.role == NUMERICAL_SUBSTRUCTURE and peer.state in (status.ENDED, status.INACTIVE)
+        if peer.role != NUMERICAL_SUBSTRUCTURE:
+            return
+        # A numerical substructure that is gone has no test any more.
+        self._test_runs_until = time.perf_counter() + 2.0 * STATUS_PERIOD if peer.state == status.RUNNING else 0.0
+        ended = peer.state in (status.ENDED, status.INACTIVE)
         if ended and self._moving and self._advance_due == math.inf:
             self._supervisor.request(_ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP))
             self._ended = True
@@ -117,6 +175,7 @@ class TableDriverNode(StageNode):
         if self._ended:
             return
         self._moving = True
+        self._command_step = step
         self._command_time = now = time.perf_counter()
         if not self.config.run.lockstep:
             # The loop waits for nobody in real time: a command that does not come is missed.
@@ -143,7 +202,7 @@ class TableDriverNode(StageNode):
         self._outcome = self._outcome or outcome
         self._begin_the_way_to_rest()
         self.get_logger().error(f"table is stopped: {reason}")
-        self.set_state(status.TRIPPED, reason, status.ERROR)
+        self.set_state(status.TRIPPED, reason, status.WARN if outcome == "stopped" else status.ERROR)
 
     def _begin_the_way_to_rest(self) -> None:
         self._silence_due = math.inf

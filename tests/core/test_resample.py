@@ -13,7 +13,16 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion import GroundMotion, pad, read_ground_motion, resample, scale_to_peak, truncate
+from bmd_rths_core.ground_motion import (
+    GroundMotion,
+    fade_in,
+    pad,
+    read_ground_motion,
+    resample,
+    scale_to_peak,
+    truncate,
+)
+from bmd_rths_core.ground_motion.selection import GroundMotionConfig, select_ground_motion
 
 FloatArray = NDArray[np.float64]
 
@@ -291,3 +300,32 @@ def test_truncate_outside_the_record_is_refused(duration: float) -> None:
 def test_bad_duration_is_refused(change: Callable[[GroundMotion, float], GroundMotion], duration: float) -> None:
     with pytest.raises(InputError, match=rf"^duration {duration:g} s; a finite number > 0 is required$"):
         change(motion_of(np.ones(5)), duration)
+
+
+def test_faded_record_begins_at_zero_smoothly_and_is_itself_afterwards() -> None:
+    """The raised cosine at a sixth, a third and a half of its time: (1 - cos(30, 60, 90 deg)) / 2."""
+    faded = fade_in(motion_of(np.full(20, -4.0), 0.1), 0.6).acceleration
+    share = [0.0, 0.5 - np.sqrt(3) / 4, 0.25, 0.5, 0.75, 0.5 + np.sqrt(3) / 4]
+    np.testing.assert_allclose(faded[:6], -4.0 * np.array(share), rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(faded[6:], -4.0)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
+def test_bad_fade_in_is_refused(duration: float) -> None:
+    with pytest.raises(InputError, match=rf"^fade-in {duration:g} s; a finite number > 0 is required$"):
+        fade_in(motion_of(np.ones(5)), duration)
+
+
+def test_fade_in_longer_than_the_record_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^fade-in 0\.5 s; ground motion 'test' can be faded in over up to 0\.4 s$"):
+        fade_in(motion_of(np.ones(5), 0.1), 0.5)
+
+
+def test_selected_motion_is_faded_in_and_then_scaled_to_its_peak() -> None:
+    whole = select_ground_motion(GroundMotionConfig(peak_acceleration=1.5), 0.005)
+    faded = select_ground_motion(GroundMotionConfig(peak_acceleration=1.5, fade_in=4.0), 0.005)
+    assert faded.peak == 1.5
+    share = np.ones(whole.steps)
+    share[:800] = np.sin(np.pi * np.arange(800) / 1600) ** 2
+    expected = share * whole.acceleration
+    np.testing.assert_allclose(faded.acceleration, expected * 1.5 / np.abs(expected).max(), rtol=0, atol=1e-12)

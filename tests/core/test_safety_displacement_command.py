@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from bmd_rths_core.safety.config import SafetyConfig
-from bmd_rths_core.safety.displacement_command import DisplacementCommand, table_motion
+from bmd_rths_core.safety.displacement_command import DisplacementCommand, stroke_trips, table_motion
 
 CONFIG = SafetyConfig()
 OMEGA = CONFIG.high_pass_frequency
@@ -70,3 +70,23 @@ def test_reset_forgets():
     command.reset()
     assert [command.step(1.0) for _ in range(5)] == first
     assert table_motion(np.zeros(0), CONFIG, DT)[0].shape == (0,)
+
+
+def test_stroke_trips_name_the_first_step_beyond_each_limit():
+    """Well before the high-pass acts, 1 m/s² has the velocity t and the displacement t²/2."""
+    limits = SafetyConfig(displacement_limit=0.0203, velocity_limit=0.3, high_pass_frequency=1e-3)
+    trips = {trip.limit: trip for trip in stroke_trips(np.ones(100), limits, DT)}
+    assert trips["safety.displacement_limit"].step == 40  # t = 0.205 s: 0.0210 m
+    assert trips["safety.velocity_limit"].step == 60  # t = 0.305 s
+    assert trips["safety.velocity_limit"].value == pytest.approx(0.305, rel=1e-3)
+    assert "displacement-controlled" in str(trips["safety.displacement_limit"])
+
+
+def test_stroke_trips_are_those_that_would_stop_the_test():
+    limits = SafetyConfig(displacement_limit=0.01, velocity_limit=0.1)
+    assert len(stroke_trips(-np.ones(100), limits, DT)) == 2
+    lenient = SafetyConfig(
+        displacement_limit=0.01, velocity_limit=0.1, displacement_action="indicate", velocity_action="ignore"
+    )
+    assert stroke_trips(-np.ones(100), lenient, DT) == []
+    assert stroke_trips(np.ones(10), SafetyConfig(), DT) == []

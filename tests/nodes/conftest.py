@@ -13,6 +13,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.executors import SingleThreadedExecutor
 
 from bmd_rths_nodes.cli.main import main
 
@@ -106,6 +110,37 @@ def start(tmp_path):
 def bmd_rths(start):
     """Start the command line."""
     return lambda *arguments: start("-m", "bmd_rths_nodes.cli.main", *arguments)
+
+
+@pytest.fixture
+def client(domain):
+    """Return a plain ROS node in this process, and a way to call services with it."""
+    context = rclpy.Context()
+    context.init(args=[], domain_id=domain)
+    node = rclpy.create_node("client", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+
+    def call(service_type, name, request):
+        service = node.create_client(service_type, name)
+        assert service.wait_for_service(timeout_sec=30.0), name
+        future = service.call_async(request)
+        executor.spin_until_future_complete(future, timeout_sec=30.0)
+        node.destroy_client(service)
+        assert future.done(), name
+        return future.result()
+
+    node.call = call
+    node.spin_some = lambda: executor.spin_once(timeout_sec=0.02)
+    yield node
+    executor.shutdown()
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def change_state(client, transition, role="command_shaper"):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return client.call(ChangeState, f"/rths/{role}/change_state", request).success
 
 
 def processes_of_domain(number):

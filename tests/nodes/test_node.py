@@ -4,14 +4,12 @@ import math
 import time
 
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.srv import GetState
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from trajectory_msgs.msg import JointTrajectory
@@ -23,44 +21,13 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.ros import status
-from tests.nodes.conftest import wait_until
-
-
-@pytest.fixture
-def client(domain):
-    """Return a plain ROS node in this process, and a way to call services with it."""
-    context = rclpy.Context()
-    context.init(args=[], domain_id=domain)
-    node = rclpy.create_node("client", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-
-    def call(service_type, name, request):
-        service = node.create_client(service_type, name)
-        assert service.wait_for_service(timeout_sec=30.0), name
-        future = service.call_async(request)
-        executor.spin_until_future_complete(future, timeout_sec=30.0)
-        node.destroy_client(service)
-        assert future.done(), name
-        return future.result()
-
-    node.call = call
-    node.spin_some = lambda: executor.spin_once(timeout_sec=0.02)
-    yield node
-    executor.shutdown()
-    node.destroy_node()
-    context.try_shutdown()
+from tests.nodes.conftest import change_state, wait_until
 
 
 @pytest.fixture
 def shaper(start):
     """Start a command shaper that waits for the operator."""
     return start("-m", "bmd_rths_nodes.command_shaper_node", "--ros-args", "-p", "autostart:=false")
-
-
-def change_state(client, transition, role="command_shaper"):
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return client.call(ChangeState, f"/rths/{role}/change_state", request).success
 
 
 def state(client):

@@ -86,7 +86,7 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
 
 def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
     arguments = ("--lockstep", "--set", "safety.acceleration_limit=1.0", "--output", tmp_path, "--json")
-    result = bmd_rths("run", CONFIG, *arguments).wait()
+    result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
     assert result.status == 1
     told = json.loads(result.output)
     assert told["outcome"] == "limit"
@@ -106,7 +106,7 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_p
         "numerical_substructure__damping_coefficients": [2 * 0.0167 * 94.09 * 1500.0],
     }
     arguments = ("--scheme", "uc", "--lockstep", *settings(**light), "--output", tmp_path, "--json")
-    result = bmd_rths("run", CONFIG, *arguments).wait()
+    result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
     assert result.status == 1
     told = json.loads(result.output)
     expected = in_process(run__scheme="uc", **light)
@@ -119,6 +119,7 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_p
 def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(bmd_rths, tmp_path):
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", tmp_path, "--json")
     result = finished(bmd_rths("run", CONFIG, *arguments))
+    assert result.pop("preflight")["cleared"] is True
     assert finished(bmd_rths("analyze", result["bag"], "--json")) == result
     record = read_bag(result["bag"])
     assert record.configuration["ground_motion"]["duration"] == 3.0
@@ -179,7 +180,8 @@ def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
 
 def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut(bmd_rths, tmp_path, domain):
     """In lockstep no deadline can be missed, so all that was recorded must be that of the loop in process."""
-    child = bmd_rths("run", CONFIG, "--lockstep", "--set", "ground_motion.free_vibration=600.0", "--output", tmp_path)
+    endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
+    child = bmd_rths("run", CONFIG, "--lockstep", *endless, "--output", tmp_path)
     bag = wait_until(lambda: begun(tmp_path))
     (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder_node" in command)
     killed_at = time.time_ns()

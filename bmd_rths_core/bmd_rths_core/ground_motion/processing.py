@@ -96,6 +96,35 @@ def scale_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     return replace(motion, acceleration=motion.acceleration / motion.peak * peak)
 
 
+def fade_in(motion: GroundMotion, duration: float) -> GroundMotion:
+    """Begin a record smoothly, where it does not begin at rest.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+        The record.
+    duration : float
+        Time T from which on the record is as it was [s], not more than its own.
+
+    Returns
+    -------
+    GroundMotion
+        The record times the raised cosine (1 − cos(π t / T)) / 2 before T.
+
+    Raises
+    ------
+    InputError
+        The duration is not finite and > 0, or is more than that of the record.
+    """
+    _check_positive("fade-in", duration, "s")
+    if duration > motion.duration * (1.0 + _RATIO_TOLERANCE):
+        allowed = f"up to {motion.duration:g} s"
+        raise InputError(f"fade-in {duration:g} s; ground motion {motion.name!r} can be faded in over {allowed}")
+    time = motion.time_step * np.arange(motion.steps)
+    share = np.where(time < duration, 0.5 * (1.0 - np.cos(np.pi * time / duration)), 1.0)
+    return replace(motion, acceleration=share * motion.acceleration)
+
+
 def pad(motion: GroundMotion, duration: float) -> GroundMotion:
     """Append rest to a record, so that the structure can come to rest too.
 

@@ -9,7 +9,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, UNIT_CHOICES
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.processing import pad, resample, scale_to_peak, truncate
+from bmd_rths_core.ground_motion.processing import fade_in, pad, resample, scale_to_peak, truncate
 from bmd_rths_core.parameters import check_parameters, parameter
 
 
@@ -39,6 +39,14 @@ class GroundMotionConfig:
     duration: float = parameter(
         0.0, description="Length of the record that is used, 0 for all of it", unit="s", lower=0.0, upper=3600.0
     )
+    fade_in: float = parameter(
+        0.0,
+        description="Time over which the record begins, as a raised cosine; 0 for a record that begins at rest",
+        unit="s",
+        source="docs/decisions/0009",
+        lower=0.0,
+        upper=600.0,
+    )
     free_vibration: float = parameter(
         0.0, description="Time at rest of the ground after the record", unit="s", lower=0.0, upper=600.0
     )
@@ -57,8 +65,8 @@ class GroundMotionConfig:
 def select_ground_motion(config: GroundMotionConfig, time_step: float) -> GroundMotion:
     """Return the ground motion of a test, ready for the loop.
 
-    The record is read, shortened, resampled to the time step, scaled and followed by rest. Scaling comes after
-    resampling, so that the peak the loop sees is exactly the one asked for.
+    The record is read, shortened, resampled to the time step, faded in, scaled and followed by rest. Scaling comes
+    after resampling and fading, so that the peak the loop sees is exactly the one asked for.
 
     Parameters
     ----------
@@ -75,12 +83,15 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
     Raises
     ------
     InputError
-        The record cannot be read, its component or unit is missing, or its time step and Δt do not divide each other.
+        The record cannot be read, its component or unit is missing, its time step and Δt do not divide each other,
+        or it is shorter than its fade-in.
     """
     motion = read_ground_motion(config.record, config.component, config.unit)
     if config.duration > 0.0:
         motion = truncate(motion, config.duration)
     motion = resample(motion, time_step)
+    if config.fade_in > 0.0:
+        motion = fade_in(motion, config.fade_in)
     if config.peak_acceleration > 0.0:
         motion = scale_to_peak(motion, config.peak_acceleration)
     return pad(motion, motion.duration + config.free_vibration)

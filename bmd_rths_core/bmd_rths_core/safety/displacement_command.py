@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.discretisation import zero_order_hold
 from bmd_rths_core.safety.config import SafetyConfig
+from bmd_rths_core.safety.trips import Action, Trip
 
 FloatArray = NDArray[np.float64]
 
@@ -102,3 +103,33 @@ def table_motion(acceleration: FloatArray, config: SafetyConfig, time_step: floa
     command = DisplacementCommand(config, time_step)
     motions = np.array([command.step(value) for value in acceleration.tolist()]).reshape(-1, 2)
     return motions[:, 0], motions[:, 1]
+
+
+def stroke_trips(acceleration: FloatArray, config: SafetyConfig, time_step: float) -> list[Trip]:
+    """Return the limits of displacement and velocity that the motion of a displacement-controlled table passes.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (N,)
+        Acceleration commands [m/s²].
+    config : SafetyConfig
+        With the limits and the corner frequency.
+    time_step : float
+        Δt [s].
+
+    Returns
+    -------
+    list of Trip
+        One for each limit that is passed, at the first step where it is; none for a limit whose action lets the test
+        go on.
+    """
+    velocity, displacement = table_motion(acceleration, config, time_step)
+    trips = []
+    for limit, unit, values in (("displacement", "m", displacement), ("velocity", "m/s", velocity)):
+        allowed, action = getattr(config, f"{limit}_limit"), config.action(limit)
+        passed = np.flatnonzero(np.abs(values) > allowed)
+        if passed.size and action > Action.INDICATE:
+            step = int(passed[0])
+            quantity = f"{limit} a displacement-controlled table is asked for"
+            trips.append(Trip(f"safety.{limit}_limit", unit, quantity, float(values[step]), allowed, step, action))
+    return trips

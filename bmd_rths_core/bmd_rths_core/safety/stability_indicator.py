@@ -27,6 +27,11 @@ class StabilityIndicator:
     time_step : float
         Δt [s].
 
+    Attributes
+    ----------
+    value, largest : float
+        The indicator now, and its largest value since the reset.
+
     Notes
     -----
     After Gálmez and Fermandois (2020, doi 10.3389/fbuil.2020.00134), who compare energies of the substructures, adapted
@@ -59,7 +64,7 @@ class StabilityIndicator:
         self._displacements = [np.zeros(len(self._masses)) for _ in range(3)]
         self._forces = (0.0, 0.0, 0.0)
         self._power = self._energy = 0.0
-        self.value = 0.0
+        self.value = self.largest = 0.0
         self._tripped = False
 
     def step(self, step: int, feedback_force: float, displacements: FloatArray) -> Trip | None:
@@ -94,6 +99,7 @@ class StabilityIndicator:
         self._power += self._share * (power - self._power)
         self._energy += self._share * (energy - self._energy)
         self.value = max(0.0, self.value + dt * self._power / (self._energy + self._floor))
+        self.largest = max(self.largest, self.value)
         if self.value <= self._limit or self._tripped:
             return None
         self._tripped = True

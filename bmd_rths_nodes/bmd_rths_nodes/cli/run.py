@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import tempfile
 import time
@@ -17,10 +18,12 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
+from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.hardware.controllers import make_table_controller
+from bmd_rths_nodes.operator_stop import OperatorStop
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.supervisor import Supervisor
@@ -51,35 +54,49 @@ class RunFailed(Exception):
 @configured("scheme", "motion", "component", "table")
 @click.option("--lockstep", is_flag=True, help="Start each step when the last one has closed, as fast as it goes.")
 @click.option("--composed", is_flag=True, help="Run the five nodes of the loop in one process.")
+@click.option(
+    "--override-preflight",
+    is_flag=True,
+    help="Run also what the pre-flight refuses: a loop that is not stable, or a predicted limit. The bag tells.",
+)
 @click.option("--output", type=click.Path(path_type=Path), help="Folder the bag is written into.")
 @json_option
 def run(
     choice: ConfigChoice,
     lockstep: bool,
     composed: bool,
+    override_preflight: bool,
     output: Path | None,
     as_json: bool,
 ) -> int:
     """Run a test on the ROS graph, record it and print its errors.
 
-    Starts the five nodes and the recorder, waits until they have found each other, runs the ground motion and
-    computes the errors from the bag. Ctrl-C ends the test in order.
+    Predicts the whole test with the identified models, and refuses it when that passes a limit or the loop is not
+    stable. Starts the five nodes and the recorder, waits until they have found each other, runs the ground motion and
+    computes the errors from the bag. Ctrl-C ends the test in order and brings the table to rest; a second one stops it
+    at once, a third one does not wait for the bag.
     """
     resolved = choice.resolve(run__record=True)
     if lockstep:
         resolved = resolved.changed(run__lockstep=True)
+    if override_preflight:
+        resolved = resolved.changed(run__preflight="override")
     make_table_controller(resolved)  # refuses what is wrong before any process is started; nothing is connected
-    steps = select_ground_motion(resolved.ground_motion, resolved.run.time_step).steps
+    motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
+    prediction = preflight.checked(resolved, motion)
     folder = output if output is not None else Path(resolved.recorder.directory)
     check_writable(folder)
+    if prediction is not None:
+        log(preflight.in_words(resolved, prediction))
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
     try:
-        bag = _run(resolved, steps, _COMPOSED_PROCESSES if composed else _PROCESSES)
+        bag = _run(resolved, motion.steps, _COMPOSED_PROCESSES if composed else _PROCESSES)
     except RunFailed as error:
         log(f"error: {error}")
         return 1
     record = read_bag(bag)
-    show({**result_of(record), "bag": str(bag)}, as_json)
+    predicted = None if prediction is None else preflight.as_mapping(prediction)
+    show({**result_of(record), "preflight": predicted, "bag": str(bag)}, as_json)
     return 0 if record.outcome == "finished" else 1
 
 
@@ -109,7 +126,7 @@ def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts:
     """Show progress until the recorder has closed the bag."""
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
     problem = ""
-    asked_to_stop = False
+    operator = OperatorStop(monitor, supervisor, interrupts, log)
     give_up = time.perf_counter() + START_TIMEOUT
     with progress_bar(*columns, TimeElapsedColumn()) as progress:
         task = progress.add_task("starting", total=steps)
@@ -117,6 +134,10 @@ def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts:
             monitor.update(0.05)
             substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
             recorder = monitor.status.get(RECORDER)
+            state = "" if substructure is None else substructure.state
+            running, started = state == status.RUNNING, state in (status.RUNNING, status.ENDED)
+            if operator.asked and started:
+                operator.update()
             if recorder is not None and recorder.state == status.ENDED:
                 if problem:
                     log(f"error: {problem}")
@@ -128,22 +149,16 @@ def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts:
                     description=f"{substructure.state}, {missed} deadlines missed",
                     completed=int(substructure.values["step"]),
                 )
-                if substructure.state == status.RUNNING and not asked_to_stop and not problem:
-                    give_up = float("inf")
-                elif substructure.state == status.ENDED:
-                    give_up = min(give_up, time.perf_counter() + CLOSING_TIMEOUT)
-            started = substructure is not None and substructure.state in (status.RUNNING, status.ENDED)
             lost = supervisor.lost()
-            if lost is not None and not problem and not asked_to_stop:
+            if lost is not None and not problem and not operator.asked:
                 problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
                 give_up = time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0)
-            if interrupts and not asked_to_stop:
-                asked_to_stop = True
-                progress.update(task, description="stopping")
-                supervisor.interrupt_first()
-                give_up = time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0)
-            if time.perf_counter() > give_up or len(interrupts) > 1:
-                raise RunFailed(problem or _excuse(monitor, asked_to_stop, started))
+            elif running and not problem and not operator.asked:
+                give_up = math.inf
+            elif started or operator.asked:
+                give_up = min(give_up, time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0))
+            if time.perf_counter() > give_up or operator.leaving:
+                raise RunFailed(problem or _excuse(monitor, operator.asked, started))
 
 
 def _excuse(monitor: RunMonitor, asked_to_stop: bool, started: bool) -> str:

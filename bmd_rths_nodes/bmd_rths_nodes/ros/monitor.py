@@ -1,4 +1,4 @@
-"""Watch a run from outside: the status of every node, as told on /diagnostics."""
+"""Watch a run from outside: the status of every node, as told on /diagnostics; and stop its table."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bmd_rths_msgs_py.topics import NAMESPACE, ROLES
+from bmd_rths_msgs_py.topics import NAMESPACE, ROLES, TABLE_DRIVER
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP, TriggerClients
 
 #: Time in which nodes that are already there are discovered [s].
 DISCOVERY_TIME = 0.5
@@ -27,6 +28,8 @@ class RunMonitor:
     ----------
     status : dict of str to NodeStatus
         Latest status of every role heard of.
+    table : TriggerClients
+        Stop and emergency stop of the table driver.
     """
 
     def __init__(self) -> None:
@@ -40,6 +43,7 @@ class RunMonitor:
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
+        self.table = TriggerClients(self._node, TABLE_DRIVER, STOP, EMERGENCY_STOP)
         return self
 
     def __exit__(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, ClassVar
 
@@ -22,7 +22,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.topics import MEASUREMENT, NAMESPACE, RECORDER, Topic
-from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration
 from bmd_rths_nodes.ros.status import NodeStatus
 
@@ -68,6 +68,7 @@ class StageNode(LifecycleNode, ABC):
         self._status_told = self._status_due = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self._forget_counts()
+        triggers.offer(self, self.operator_services())
 
     # ---- for subclasses
 
@@ -83,6 +84,10 @@ class StageNode(LifecycleNode, ABC):
 
     def status_values(self) -> dict[str, str]:
         """Return what this node tells besides its state."""
+        return {}
+
+    def operator_services(self) -> Mapping[str, Callable[[], str]]:
+        """Return what an operator can ask this node for at any time, by name, as `triggers.offer` takes it."""
         return {}
 
     def wants_more_time(self) -> bool:
@@ -160,6 +165,11 @@ class StageNode(LifecycleNode, ABC):
         self.state, self.note, self.level = state, note, level
         self.publish_status()
 
+    def expect_a_new_test(self) -> None:
+        """Look for the peers, and begin at step 0."""
+        self._forget_counts()
+        self.set_state(status.WAITING)
+
     def status_due_within(self, seconds: float) -> None:
         """Tell the status soon, that is `seconds` after it was last told."""
         self._status_due = min(self._status_due, self._status_told + seconds)
@@ -223,14 +233,13 @@ class StageNode(LifecycleNode, ABC):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Return to rest and look for the peers."""
-        self._forget_counts()
         try:
             self.reset_stage()
         except InputError as error:
             self.problem = str(error)
             self.get_logger().error(self.problem)
             return TransitionCallbackReturn.FAILURE
-        self.set_state(status.WAITING)
+        self.expect_a_new_test()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

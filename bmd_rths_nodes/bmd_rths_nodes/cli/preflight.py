@@ -1,0 +1,91 @@
+"""The pre-flight of ``bmd-rths run``: predict, refuse what must not be run, and tell what is to be expected."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.preflight import Preflight, predict_test
+from bmd_rths_nodes.cli.options import progress_bar
+from bmd_rths_nodes.cli.results import without_nan
+
+
+def checked(config: Config, motion: GroundMotion) -> Preflight | None:
+    """Predict a test, with a progress bar.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration; ``run.preflight`` says what a problem means.
+    motion : GroundMotion
+        Ground motion with one sample a step.
+
+    Returns
+    -------
+    Preflight or None
+        None when nothing was to be predicted.
+
+    Raises
+    ------
+    InputError
+        The test must not be run.
+    """
+    if config.run.preflight == "skip":
+        return None
+    with progress_bar() as progress:
+        task = progress.add_task("pre-flight", total=motion.steps)
+        preflight = predict_test(config, motion, lambda done: progress.update(task, completed=done))
+    if config.run.preflight == "enforce" and not preflight.cleared:
+        problems = "; ".join(preflight.problems)
+        raise InputError(f"pre-flight: {problems}; --override-preflight runs it all the same")
+    return preflight
+
+
+def in_words(config: Config, preflight: Preflight) -> str:
+    """Return the predicted peaks beside their limits, in units for a person, and what was overridden.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    preflight : Preflight
+        Its prediction.
+    """
+    limits, peaks, controller = config.safety, preflight.peaks, config.table.controller
+    table = "the simulated table" if controller == "simulated" else f"the model in simulated_table, not {controller}"
+    told = ", ".join(
+        f"{name} {scale * peak:.3g} of {scale * limit:.3g}{unit}"
+        for name, scale, peak, limit, unit in (
+            ("displacement", 1e3, peaks.displacement, limits.displacement_limit, " mm"),
+            ("velocity", 1.0, peaks.velocity, limits.velocity_limit, " m/s"),
+            ("command", 1.0, peaks.acceleration, limits.acceleration_limit, " m/s²"),
+            ("force", 1e-3, peaks.force, limits.force_limit, " kN"),
+            ("stability indicator", 1.0, peaks.stability_indicator, limits.stability_limit, ""),
+        )
+    )
+    overridden = "" if preflight.cleared else f"; OVERRIDDEN: {'; '.join(preflight.problems)}"
+    return f"predicted for {table}: {told}{overridden}"
+
+
+def as_mapping(preflight: Preflight) -> dict[str, Any]:
+    """Return what ``--json`` tells of a pre-flight.
+
+    Parameters
+    ----------
+    preflight : Preflight
+        The prediction.
+    """
+    peaks = preflight.peaks
+    told = {
+        "cleared": preflight.cleared,
+        "problems": list(preflight.problems),
+        "verdict": preflight.verdict,
+        "displacement_m": peaks.displacement,
+        "velocity_m_s": peaks.velocity,
+        "acceleration_m_s2": peaks.acceleration,
+        "force_n": peaks.force,
+        "stability_indicator": peaks.stability_indicator,
+    }
+    return {name: without_nan(value) for name, value in told.items()}

@@ -1,0 +1,316 @@
+"""The operator: services of the table driver, and Ctrl-C of `bmd-rths run`."""
+
+import json
+import os
+import signal
+import socket
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped
+from lifecycle_msgs.msg import Transition
+from rclpy.qos import QoSProfile
+from rosbags.highlevel import AnyReader
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from bmd_rths_core.config import Config, dump_config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.table.wire import Interlock
+from bmd_rths_msgs_py.bag_reader import read_bag
+from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_nodes.ros import status
+from tests.conftest import WITHOUT_LIMITS
+from tests.nodes.conftest import CONFIG, change_state, processes_of_domain, wait_until
+from tests.nodes.emulation import LOCKSTEP, emulator
+
+
+def ask(client, service):
+    """Call a service of the table driver and return whether it did it, and its words."""
+    response = client.call(Trigger, f"/rths/table_driver/{service}", Trigger.Request())
+    return response.success, response.message
+
+
+class Driver:
+    """A table driver in a process of its own, with a client that plays the rest of the loop."""
+
+    def __init__(self, client, start, *parameters):
+        self.told, self.measured = {}, []
+        self._client = client
+        client.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QoSProfile(depth=10))
+        client.create_subscription(JointTrajectory, "/rths/measurement", self.measured.append, QoSProfile(depth=10))
+        self._commands = client.create_publisher(AccelStamped, "/rths/command", QoSProfile(depth=10))
+        self._diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        given = [word for parameter in ("run.record:=false", *parameters) for word in ("-p", parameter)]
+        self.child = start("-m", "bmd_rths_nodes.table_driver_node", "--ros-args", *given)
+
+    def _on_diagnostics(self, message):
+        for entry in message.status:
+            if entry.name == "/rths/table_driver":
+                self.told = {pair.key: pair.value for pair in entry.values} | {"message": entry.message}
+
+    def send(self, step, acceleration=0.5):
+        message = AccelStamped()
+        message.header.stamp.nanosec = 5_000_000 * step
+        message.accel.linear.x = acceleration
+        self._commands.publish(message)
+        self._client.spin_some()
+
+    def substructure_is(self, state):
+        message = status.to_message(status.NodeStatus("/rths/numerical_substructure", state), 0, 0)
+        self._diagnostics.publish(message)
+        self._client.spin_some()
+
+    def move(self):
+        """Begin a test; the two sides have met when a measurement comes back."""
+        self.measured.clear()
+        wait_until(lambda: self.send(0) or self.send(1) or self.measured)
+
+    def wait_for(self, **values):
+        def there():
+            self._client.spin_some()
+            return values.items() <= self.told.items()
+
+        wait_until(there)
+
+
+@pytest.fixture
+def driver(client, start):
+    """Start a table driver in lockstep, with further parameters."""
+    return lambda *parameters: Driver(client, start, "run.lockstep:=true", *parameters)
+
+
+def test_stop_ramps_to_rest_and_is_latched_until_reset(client, driver):
+    table = driver()
+    table.move()
+    assert ask(client, "stop") == (True, "the table is brought to rest, after step 1")
+    table.wait_for(state="tripped", table="at rest", outcome="stopped", message="stopped by the operator")
+    assert ask(client, "stop") == (True, "the table is at rest already")
+    table.measured.clear()
+    for step in (*range(2, 20), 0, 1):
+        table.send(step)
+    assert table.measured == []
+    assert ask(client, "reset") == (True, "armed for a new test")
+    table.wait_for(state="waiting", outcome="", trips="")
+    table.move()
+    table.wait_for(table="moving")
+
+
+def test_emergency_stop_acts_also_on_the_way_to_rest(client, driver):
+    """In real time, with a way to rest of many seconds."""
+    table = driver("run.lockstep:=false", "safety.ramp_acceleration:=0.001", "safety.stale_shear_limit:=100000")
+    table.move()
+    assert ask(client, "stop")[0]
+    table.wait_for(state="tripped", table="moving")
+    assert ask(client, "stop") == (True, "the table is on its way to rest already")
+    assert ask(client, "reset") == (False, "the table is still on its way to rest")
+    done, words = ask(client, "emergency_stop")
+    assert done
+    assert words.startswith("emergency stop: the table controller was told to stop at once, after step")
+    table.wait_for(state="tripped", table="at rest", supervisor="stopped", message="emergency stop by the operator")
+    assert ask(client, "reset") == (True, "armed for a new test")
+
+
+def test_stop_before_step_0_keeps_a_test_from_beginning(client, driver):
+    table = driver()
+    wait_until(lambda: client.spin_some() or table.told.get("state") == "waiting")
+    assert ask(client, "stop") == (True, "the table is brought to rest, before step 0")
+    table.wait_for(state="tripped", table="at rest")
+
+
+def test_tripped_driver_is_reset_and_a_hold_is_brought_back_first(client, driver):
+    table = driver("safety.acceleration_limit:=1.0", "safety.acceleration_action:=hold")
+    table.move()
+    wait_until(lambda: table.send(2, 3.0) or table.told.get("state") == "tripped")
+    table.wait_for(supervisor="holding", table="at rest")
+    assert ask(client, "reset") == (False, "the table is held off zero displacement; stop brings it back first")
+    assert ask(client, "stop") == (True, "the hold has ended; the table is brought back to zero displacement")
+    table.wait_for(supervisor="stopped", table="at rest")
+    assert "safety.acceleration_limit [m/s2] passed at step 2" in table.told["trips"]
+    assert ask(client, "reset") == (True, "armed for a new test")
+    table.wait_for(state="waiting", trips="")
+
+
+def test_stop_acts_at_once_after_sensors_have_passed_a_limit_that_waits_for_the_next_command(client, driver):
+    table = driver("safety.force_limit:=0.001", "safety.force_action:=hold")
+    wait_until(lambda: table.send(0) or table.measured)
+    assert ask(client, "stop") == (True, "the table is brought to rest, after step 0")
+    table.wait_for(state="tripped", supervisor="stopped", table="at rest", outcome="stopped")
+    assert "safety.force_limit [N] passed at step 0" in table.told["trips"]
+
+
+def test_reset_is_refused_while_there_is_nothing_to_reset_or_a_test_runs(client, driver):
+    table = driver()
+    wait_until(lambda: client.spin_some() or table.told.get("state") == "waiting")
+    assert ask(client, "reset") == (False, "there is nothing to reset: the table driver is waiting")
+    table.move()
+    ask(client, "stop")
+    table.wait_for(state="tripped", table="at rest")
+
+    def refused():
+        table.substructure_is(status.RUNNING)
+        return ask(client, "reset") == (False, "a test is running; stop it first")
+
+    wait_until(refused)
+    wait_until(lambda: table.substructure_is(status.ENDED) or ask(client, "reset")[0])
+
+
+@pytest.mark.parametrize("service", ["stop", "emergency_stop", "reset"])
+def test_inactive_driver_answers_that_it_moves_nothing(client, driver, service):
+    driver("autostart:=false")
+    assert ask(client, service) == (False, "the table driver is inactive; it moves nothing")
+    assert change_state(client, Transition.TRANSITION_CONFIGURE, "table_driver")
+    assert ask(client, service) == (False, "the table driver is inactive; it moves nothing")
+
+
+def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset(client, driver):
+    with emulator() as (server, config):
+        table = driver("table.controller:=udp", f"table.address:={config.table.address}")
+        table.move()
+        assert ask(client, "emergency_stop")[0]
+        assert server.statistics()["state"] == "interlock"
+        assert server.statistics()["interlock"] == Interlock.EMERGENCY_STOP
+        done, words = ask(client, "reset")
+        assert not done
+        assert "is in an interlock (emergency stop); look at the table, then reset it there" in words
+        table.wait_for(state="tripped")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+            control.settimeout(20.0)
+            control.sendto(b"reset", ("127.0.0.1", server.control_port))
+            control.recv(4096)
+        assert ask(client, "reset") == (True, "armed for a new test")
+        assert server.statistics()["state"] == "armed"
+        table.move()
+
+
+def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client, start, tmp_path):
+    parameters = tmp_path / "parameters.yaml"
+    config = Config().changed(run__lockstep=True, recorder__directory=str(tmp_path / "bags"))
+    parameters.write_text(dump_config(config))
+    for role in ROLES:
+        start("-m", f"bmd_rths_nodes.{role}_node", "--ros-args", "--params-file", parameters)
+
+    def records(outcome):
+        files = (tmp_path / "bags").glob("*/metadata.yaml")
+        return [record for file in files if (record := read_bag(file.parent)).outcome == outcome]
+
+    wait_until(lambda: any(f.stat().st_size > 200_000 for f in (tmp_path / "bags").glob("*/*.mcap")))
+    assert ask(client, "stop")[0]
+    (stopped,) = wait_until(lambda: records("stopped"))
+    assert stopped.reason == "table_driver: stopped by the operator"
+    wait_until(lambda: ask(client, "reset")[0])
+    for role in ("recorder", "numerical_substructure"):
+        assert change_state(client, Transition.TRANSITION_DEACTIVATE, role)
+    for role in ("recorder", "numerical_substructure"):
+        assert change_state(client, Transition.TRANSITION_ACTIVATE, role)
+    (finished,) = wait_until(lambda: records("finished"), 120.0)
+    expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+    assert finished.same_signals(expected)
+    whole = stopped.steps - 2  # the last step had not closed
+    assert whole > 100
+    for name, values in stopped.signals().items():
+        assert np.array_equal(values[:whole], expected.signals()[name][:whole]), name
+
+
+# ---- Ctrl-C
+
+#: Long steps, no limits and a way to rest of many seconds, so that a busy machine does not end the test, and a second
+#: Ctrl-C comes before the end of the ramp.
+SLOW = {
+    "run__time_step": 0.02,
+    "table__answer_timeout": 0.012,
+    "run__max_consecutive_misses": 2000,
+    "safety__stale_shear_limit": 10000,
+    "safety__stale_controller_limit": 10000,
+    "safety__ramp_acceleration": 0.02,
+    "safety__ramp_velocity": 0.01,
+    "run__scheme": "uc",
+    "numerical_substructure__masses": [8.0e6],
+    **WITHOUT_LIMITS,
+}
+
+
+def arguments(**changes):
+    return [word for name, value in changes.items() for word in ("--set", f"{name.replace('__', '.')}={value}")]
+
+
+def begun(folder):
+    """Tell whether a bag has some hundred messages."""
+    return any(file.stat().st_size > 100_000 for file in folder.glob("*/*.mcap"))
+
+
+def told_by_the_table_driver(bag):
+    """Return every message of the table driver in a bag."""
+    with AnyReader([bag]) as reader:
+        connections = [c for c in reader.connections if c.topic == "/diagnostics"]
+        messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages(connections)]
+    return [s.message for m in messages for s in m.status if s.name == "/rths/table_driver"]
+
+
+@pytest.mark.parametrize("options", [(), ("--composed",)], ids=["five processes", "composed"])
+@pytest.mark.parametrize("controller", ["simulated", "udp"])
+def test_second_ctrl_c_is_an_emergency_stop(bmd_rths, tmp_path, domain, controller, options):
+    changes = SLOW | {"virtual_controller__watchdog": 10.0, "virtual_controller__model": "servo"}
+    with emulator(LOCKSTEP.changed(run__lockstep=False, **changes)) as (server, config):
+        table = config.table.address if controller == "udp" else "simulated"
+        child = bmd_rths(
+            "run", CONFIG, "--table", table, *options, *arguments(**SLOW), "--output", tmp_path / "bags", "--json"
+        )
+        wait_until(lambda: begun(tmp_path / "bags"))
+        child.interrupt()
+        wait_until(lambda: "table driver: the table is brought to rest, after step" in child.errors.read_text())
+        child.interrupt()
+        result = child.wait(60.0)
+        if controller == "udp":
+            assert server.statistics()["state"] == "interlock"
+            assert server.statistics()["interlock"] == Interlock.EMERGENCY_STOP
+    assert result.status == 1
+    assert "Traceback" not in result.errors
+    assert "emergency stop (Ctrl-C again to leave at once)" in result.errors
+    assert "table driver: emergency stop: the table controller was told to stop at once" in result.errors
+    told = json.loads(result.output)
+    assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator")
+    (bag,) = (tmp_path / "bags").iterdir()
+    assert read_bag(bag).outcome == "stopped"
+    assert "emergency stop by the operator" in told_by_the_table_driver(bag)
+    assert processes_of_domain(domain) == {}
+
+
+def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(bmd_rths, tmp_path, domain):
+    changes = SLOW | {"virtual_controller__watchdog": 10.0, "virtual_controller__model": "servo"}
+    quick = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.2}
+    with emulator(LOCKSTEP.changed(run__lockstep=False, **changes)) as (server, config):
+        child = bmd_rths(
+            *("run", CONFIG, "--table", config.table.address, *arguments(**quick)),
+            *("--output", tmp_path / "bags", "--json"),
+        )
+        wait_until(lambda: begun(tmp_path / "bags"))
+        child.interrupt()
+        result = child.wait(60.0)
+        assert server.statistics()["state"] == "idle"
+        assert server.statistics()["interlock"] == 0
+    assert result.status == 1
+    assert "stopping: the table is brought to rest (Ctrl-C again for an emergency stop)" in result.errors
+    assert json.loads(result.output)["outcome"] == "stopped"
+    assert processes_of_domain(domain) == {}
+
+
+def test_third_ctrl_c_does_not_wait_for_a_table_driver_that_hangs(bmd_rths, tmp_path, domain):
+
+    child = bmd_rths("run", CONFIG, *arguments(**SLOW), "--output", tmp_path / "bags", "--json")
+    wait_until(lambda: begun(tmp_path / "bags"))
+    (driver,) = (pid for pid, command in processes_of_domain(domain).items() if "table_driver" in command)
+    os.kill(driver, signal.SIGSTOP)
+    child.interrupt()
+    wait_until(lambda: "the table driver does not answer; the numerical substructure is" in child.errors.read_text())
+    child.interrupt()
+    wait_until(lambda: "emergency stop (Ctrl-C again" in child.errors.read_text())
+    child.interrupt()
+    result = child.wait(60.0)
+    assert result.status == 1
+    assert "Traceback" not in result.errors
+    assert processes_of_domain(domain) == {}
+    (bag,) = (tmp_path / "bags").iterdir()
+    assert read_bag(bag).outcome == "stopped"
