@@ -32,6 +32,9 @@ LOCKSTEP_TIMEOUT = 5.0
 #: Time between the moment all nodes are ready and step 0 [s].
 START_DELAY = 0.05
 
+#: A peer that tells nothing for this long is lost [s]; every node tells its status once a second.
+LONGEST_SILENCE = 5.0
+
 #: Shortest time between two reports of missed deadlines [s].
 MISS_REPORT_PERIOD = 0.1
 
@@ -59,6 +62,7 @@ class NumericalSubstructureNode(StageNode):
         self._send_ground_acceleration = self.publish_to(GROUND_ACCELERATION)
         self._peers = {role for role in ROLES if role != self.ROLE and (role != RECORDER or config.run.record)}
         self._ready_peers: set[str] = set()
+        self._heard: dict[str, float] = {}
         self.subscribe_to(CORRECTED_FORCE, self._on_corrected_force)
         self.listen_to_peers(self._on_peer)
         self._forget_the_last_test()
@@ -77,6 +81,11 @@ class NumericalSubstructureNode(StageNode):
         self._due = math.inf
         self._outcome = ""
         self._trip: Trip | None = None
+
+    def on_disturbance(self, problem: str) -> None:
+        """End the test."""
+        if self.state == status.RUNNING:
+            self._end("failed", problem)
 
     def stop_stage(self) -> None:
         """End a test that is under way."""
@@ -114,6 +123,8 @@ class NumericalSubstructureNode(StageNode):
         """Begin the next step when it is time."""
         if not self.configured:
             return super().poll(now)
+        if self.state == status.RUNNING and now >= self._status_due:
+            self._look_for_lost_peers(now)
         if now >= self._due:
             if self.state == status.READY:
                 self._start(now)
@@ -124,6 +135,12 @@ class NumericalSubstructureNode(StageNode):
             else:
                 self._tick(now)
         return min(super().poll(now), self._due)
+
+    def _look_for_lost_peers(self, now: float) -> None:
+        """End the test when a peer is lost whose messages the loop does not miss: the recorder."""
+        silent = sorted(peer for peer in self._peers if now - self._heard[peer] > LONGEST_SILENCE)
+        if silent:
+            self._end("failed", f"nothing was heard of {', '.join(silent)} for {LONGEST_SILENCE:g} s")
 
     def _start(self, now: float) -> None:
         self.set_state(status.RUNNING)
@@ -179,6 +196,7 @@ class NumericalSubstructureNode(StageNode):
     def _on_peer(self, peer: NodeStatus) -> None:
         if peer.state == status.TRIPPED and self.state == status.RUNNING:
             self._end(peer.values.get("outcome") or "failed", f"{peer.role}: {peer.message}")
+        self._heard[peer.role] = time.perf_counter()
         if peer.state == status.READY:
             self._ready_peers.add(peer.role)
         else:

@@ -108,6 +108,11 @@ class TableDriverNode(StageNode):
                 self._trip("limit", self._supervisor.reason)
         return min(super().poll(now), self._advance_due, self._silence_due)
 
+    def on_disturbance(self, problem: str) -> None:
+        """Bring the table to rest."""
+        self._supervisor.request(Action.RAMP)
+        self._trip("failed", problem)
+
     def operator_services(self) -> Mapping[str, Callable[[], str]]:
         """Offer the operator stop, emergency stop and reset."""
         return {STOP: self._on_stop, EMERGENCY_STOP: self._on_emergency_stop, RESET: self._on_reset}

@@ -93,6 +93,8 @@ def test_limit_trips_at_its_step_with_its_text_and_its_action(case, action):
     observed = supervisor(**changes, **{f"{limit}_action": action.name.lower()})
     rest(observed, 5)
     happen(observed)
+    if case == "displacement":  # a table that does not follow the commands cannot be brought to rest by them
+        action = Action.EMERGENCY_STOP
     (trip,) = observed.trips
     assert trip.limit == f"safety.{limit}_limit"
     assert (trip.unit, trip.step, trip.action) == (unit, step, action)
@@ -104,6 +106,22 @@ def test_limit_trips_at_its_step_with_its_text_and_its_action(case, action):
     assert observed.reason == str(trip)
     assert observed.state is STATES[action]
     assert not observed.check(100, 0.0)
+
+
+def test_limit_counts_again_for_a_severer_action_only():
+    """The ramp that a predicted displacement begins leads nowhere when the table does not follow it."""
+    observed = supervisor(displacement_limit=0.1, stale_controller_action="ignore")
+    steps = iter(range(1000))
+    while observed.check(next(steps), 5.0):
+        pass
+    ramping = observed.advance()
+    assert (observed.state, observed.emergency) == (State.RAMPING, False)
+    for _ in range(2):
+        observed.observe(measurement(ramping.step, displacement=0.11))
+    assert (observed.state, observed.emergency) == (State.STOPPED, True)
+    assert [trip.action for trip in observed.trips] == [Action.RAMP, Action.EMERGENCY_STOP]
+    assert observed.reason == str(observed.trips[0])
+    assert observed.advance() is None
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -30,7 +30,12 @@ class SafetyConfig:
         "m",
         "assumed: stroke of +-250 mm in Chen et al. 2020, less 20 mm for the lag of the table",
     )
-    displacement_action: str = _action(Action.RAMP, "displacement_limit")
+    displacement_action: str = parameter(
+        "ramp",
+        description="What happens when displacement_limit is passed; hold and ramp become an emergency stop where the "
+        "table itself has passed it, because then it does not follow the commands",
+        choices=ACTION_NAMES,
+    )
     velocity_limit: float = _limit(
         1.0,
         "Largest velocity of the table after the command and until it could be brought to rest",
@@ -84,6 +89,15 @@ class SafetyConfig:
     stale_controller_action: str = _action(
         Action.EMERGENCY_STOP, "stale_controller_limit", "a ramp cannot be trusted to a controller that is silent"
     )
+    stuck_limit: int = parameter(
+        100,
+        description="Most steps in a row in which a sensor that has worked keeps its value while the table is moved",
+        unit="steps",
+        source="assumed: 0.5 s at 200 Hz",
+        lower=1,
+        upper=100000,
+    )
+    stuck_action: str = _action(Action.RAMP, "stuck_limit")
     non_finite_action: str = parameter(
         "ramp",
         description="What happens when a command is not finite, or a sensor that was; it is never passed on",

@@ -1,10 +1,11 @@
-"""The limits of the sensors: displacement, force, tracking error, values that are not finite."""
+"""The limits of the sensors: displacement, force, tracking error, values that are not finite or do not change."""
 
 from __future__ import annotations
 
 import math
 
 from bmd_rths_core.safety.config import SafetyConfig
+from bmd_rths_core.safety.stuck_sensors import StuckSensorCheck
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableMeasurement
 
@@ -30,13 +31,18 @@ class MeasurementCheck:
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
         self._config = config
         self._share = min(1.0, time_step / config.tracking_time)
+        self._stuck_sensors = StuckSensorCheck(config, time_step)
         self._actions = {name: config.action(name) for name in ("displacement", "force", "tracking", "non_finite")}
+        if self._actions["displacement"] > Action.INDICATE:
+            # The table is not where the commands should have led it, so a ramp of commands cannot be trusted either.
+            self._actions["displacement"] = Action.EMERGENCY_STOP
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
         self._mean_square = 0.0
         self._seen = [False] * len(_SENSORS)
+        self._stuck_sensors.reset()
 
     def step(self, measurement: TableMeasurement) -> list[Trip]:
         """Return the limits that a measurement passes.
@@ -60,6 +66,7 @@ class MeasurementCheck:
             self._mean_square += self._share * (error * error - self._mean_square)
             if self._mean_square > config.tracking_limit**2:
                 trips.append(self._trip("tracking", "m/s2", "tracking error", math.sqrt(self._mean_square), step))
+        trips += self._stuck_sensors.step(measurement)
         return [trip for trip in trips if trip.action is not Action.IGNORE] if trips else trips
 
     def _lost_sensor(self, measurement: TableMeasurement) -> tuple[str, float] | None:

@@ -68,7 +68,7 @@ class SafetySupervisor:
         self.state = State.NORMAL
         self.emergency = False
         self._trips: list[Trip] = []
-        self._latched: set[str] = set()
+        self._latched: dict[str, Action] = {}
         self._motion = REST
         self._offset = 0.0
         self._last_step = -1
@@ -168,7 +168,7 @@ class SafetySupervisor:
         self.record(self._measurement_check.step(measurement))
 
     def record(self, trips: Iterable[Trip]) -> None:
-        """Take note of passed limits and begin what they ask for; each limit counts once until `reset`.
+        """Take note of passed limits and begin what they ask for; each limit counts once until `reset` for an action.
 
         Parameters
         ----------
@@ -176,9 +176,9 @@ class SafetySupervisor:
             Also those found elsewhere, such as by the stability indicator.
         """
         for trip in trips:
-            if trip.limit in self._latched:
+            if trip.action <= self._latched.get(trip.limit, Action.IGNORE):
                 continue
-            self._latched.add(trip.limit)
+            self._latched[trip.limit] = trip.action
             self._trips.append(trip)
             self._begin(trip.action)
 

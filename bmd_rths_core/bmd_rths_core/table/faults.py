@@ -19,14 +19,18 @@ KINDS: dict[str, tuple[str, str, float, float]] = {
     "reordering": ("packets that are held back until later ones have passed", "%", 100.0, 10.0),
     "bit_flips": ("packets with a wrong bit", "%", 100.0, 10.0),
     "stuck": ("sensor that keeps its value: acceleration, displacement, force, shear, floor_1 ...", "", 0.0, 4.0),
+    "nan": ("sensor that gives NaN: one of those", "", 0.0, 4.0),
     "frozen": ("controller answers, but does nothing any more", "", 0.0, 0.0),
     "dead": ("controller does not answer any more", "", 0.0, 0.0),
     "valve": ("opening the servovalve still reaches", "%", 100.0, 10.0),
     "pressure": ("supply pressure that is left", "%", 100.0, 0.0),
 }
 
-#: Sensors in the order of the value of "stuck"; floor i comes at 3 + i.
+#: Sensors in the order of the value of "stuck" and "nan"; floor i comes at 3 + i.
 SENSORS = ("acceleration", "displacement", "force", "shear")
+
+#: Faults whose value is the name of a sensor.
+_OF_A_SENSOR = ("stuck", "nan")
 
 #: Faults that only a table with hydraulics can have.
 _OF_THE_HYDRAULICS = ("valve", "pressure")
@@ -80,11 +84,12 @@ def parse_fault(text: str, model: str = "servo_hydraulic") -> Fault:
     name, value = match["name"], match["value"]
     if name in _OF_THE_HYDRAULICS and model != "servo_hydraulic":
         raise InputError(f"fault {text!r}: the {model} model has no hydraulics; model servo_hydraulic is required")
-    size = KINDS[name][3] if value is None else _sensor(text, value) if name == "stuck" else _size(text, name, value)
+    read = _sensor if name in _OF_A_SENSOR else _size
+    size = KINDS[name][3] if value is None else read(text, name, value)
     return Fault(name, size, int(match["step"] or 0))
 
 
-def _sensor(text: str, sensor: str) -> float:
+def _sensor(text: str, name: str, sensor: str) -> float:
     if sensor in SENSORS:
         return float(SENSORS.index(sensor))
     floor = re.fullmatch(r"floor_([1-9][0-9]{0,2})", sensor, re.ASCII)

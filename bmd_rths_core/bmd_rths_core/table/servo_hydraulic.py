@@ -25,6 +25,7 @@ from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.sensors import Sensors
+from bmd_rths_core.table.true_motion import TrueMotion
 
 FloatArray = NDArray[np.float64]
 
@@ -196,6 +197,11 @@ class ServoHydraulicTable:
         What stands on the table, n floors.
     time_step : float
         Δt [s].
+
+    Attributes
+    ----------
+    motion : TrueMotion
+        True motion at the end of the last step.
     """
 
     def __init__(
@@ -246,6 +252,7 @@ class ServoHydraulicTable:
         self._next_step = 0
         self._held = 0.0
         self._connected = True
+        self.motion = TrueMotion()
         self.degrade(1.0, 1.0)
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
@@ -277,12 +284,15 @@ class ServoHydraulicTable:
         self._next_step = command.step + 1
         accelerations = self._output @ self._state
         accelerations[0] += self._effects(*(self._observed @ self._state).tolist())[2]
+        displacement, velocity = float(self._state[POSITION]), float(self._state[VELOCITY])
+        force = self._config.platen_mass * float(self._state[PRESSURE])
+        self.motion = TrueMotion(displacement, velocity, float(accelerations[0]), force)
         return self._sensors.read(
             step=command.step,
             applied_command=command.acceleration,
-            displacement=float(self._state[POSITION]),
+            displacement=displacement,
             accelerations=accelerations,
-            actuator_force=self._config.platen_mass * float(self._state[PRESSURE]),
+            actuator_force=force,
             base_shear=-float(self._masses @ accelerations[1:]),
         )
 

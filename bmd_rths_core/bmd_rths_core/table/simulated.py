@@ -17,6 +17,7 @@ from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.dynamics import StateSpace, series, servo_sections
 from bmd_rths_core.table.sensors import Sensors
+from bmd_rths_core.table.true_motion import TrueMotion
 
 FloatArray = NDArray[np.float64]
 
@@ -135,6 +136,11 @@ class SimulatedTable:
         Δt [s].
     seed : int
         Seed of the sensor noise.
+
+    Attributes
+    ----------
+    motion : TrueMotion
+        True motion at the end of the last step.
     """
 
     def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
@@ -165,6 +171,7 @@ class SimulatedTable:
         self._next_step = 0
         self._held = 0.0
         self._connected = True
+        self.motion = TrueMotion()
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
         """Hold a command for one step.
@@ -249,12 +256,14 @@ class SimulatedTable:
         shear = -float(self._masses @ floors)
         step = self._next_step
         self._next_step += 1
+        force = float(self._platen_mass * table - shear)
+        self.motion = TrueMotion(float(displacement), float(self._state[-1]), float(table), force)
         return self._sensors.read(
             step=step,
             applied_command=acceleration,
             displacement=float(displacement),
             accelerations=truth[:-1],
-            actuator_force=float(self._platen_mass * table - shear),
+            actuator_force=force,
             base_shear=shear,
         )
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.faults import Faults
 from bmd_rths_core.table.rest import at_rest, return_acceleration
+from bmd_rths_core.table.true_motion import TrueMotion
 from bmd_rths_core.table.virtual_controller_config import VirtualControllerConfig
 from bmd_rths_core.table.virtual_table import VirtualTable
 from bmd_rths_core.table.wire import (
@@ -34,6 +35,9 @@ SUBSTEP = 500_000
 
 #: The table is moved at least this often, so that little is left to simulate when an answer is due [ns].
 LONGEST_PAUSE = 1_000_000
+
+#: How long a table is still controlled when it is asked for no more motion: it lags behind what it is asked for [s].
+SETTLING_TIME = 0.3
 
 #: A host that has been silent for longer loses its session to another one, unless its table is moving [ns].
 SESSION_SILENCE = 1_000_000_000
@@ -79,6 +83,19 @@ class VirtualController:
         Δt of lockstep [s].
     faults : Faults
         Faults, which may change at any time.
+
+    Attributes
+    ----------
+    state : ControllerState
+        What it does.
+    interlock : Interlock
+        Why it brought its table to rest by itself.
+    counts : Counter
+        Packets by what became of them, sessions and interlocks.
+    motion : TrueMotion
+        True motion of the table, the last one when the controller has let go of it.
+    peaks : TrueMotion
+        Largest absolute values of it since the beginning.
     """
 
     _table: VirtualTable | None
@@ -103,6 +120,7 @@ class VirtualController:
         self.state = ControllerState.IDLE
         self.interlock = Interlock(0)
         self.counts: Counter[str] = Counter()
+        self.motion = self.peaks = TrueMotion()
         self._owner: tuple[int, Address] | None = None
         self._sequence: int | None = None
         self._last_answer = b""
@@ -111,6 +129,11 @@ class VirtualController:
         self._at_rest()
 
     # ---- for the server
+
+    @property
+    def at_rest(self) -> bool:
+        """True while the controller does not move its table: before it is armed, and when it is back at rest."""
+        return self._table is None
 
     def receive(self, data: bytes, sender: Address, now: int) -> None:
         """Take a datagram.
@@ -268,6 +291,8 @@ class VirtualController:
         """Return the sensors in the order of the fault "stuck"."""
         m = self._measurement
         sensors = [m.table_acceleration, m.table_displacement, m.actuator_force, m.base_shear, *m.floor_accelerations]
+        if self._faults.active("nan"):
+            sensors[min(int(self._faults.value("nan")), len(sensors) - 1)] = NAN
         if self._faults.active("stuck"):
             index = min(int(self._faults.value("stuck")), len(sensors) - 1)
             self._stuck = sensors[index] if self._stuck is None else self._stuck
@@ -288,6 +313,7 @@ class VirtualController:
         self._held = 0.0
         self._applied = self._next_step = 0
         self._moved = self._substeps = 0
+        self._settled = 0.0
         self._faults.reached(-1)
 
     def _trip(self, reason: Interlock) -> None:
@@ -321,13 +347,16 @@ class VirtualController:
         if table is None:
             return
         displacement, velocity = table.reference
-        if at_rest(displacement, velocity):
+        asked_to_rest = at_rest(displacement, velocity)
+        self._settled = self._settled + duration if asked_to_rest else 0.0
+        if self._settled > SETTLING_TIME:
             self._table = None
             if self.state is ControllerState.STOPPING:
                 self.state = ControllerState.IDLE
         else:
             frequency = self._config.return_frequency
-            self._exchange(step, return_acceleration(displacement, velocity, frequency, duration))
+            way = return_acceleration(displacement, velocity, frequency, duration)
+            self._exchange(step, 0.0 if asked_to_rest else way)
 
     def _return_at_once(self) -> None:
         """In lockstep time stands still between commands, so the table is at rest before the answer."""
@@ -341,6 +370,8 @@ class VirtualController:
             return
         table.degrade(self._faults.value("valve", 100.0) / 100.0, self._faults.value("pressure", 100.0) / 100.0)
         measured = self._measurement = table.exchange(TableCommand(step, acceleration))
+        self.motion = table.motion
+        self.peaks = self.peaks.peaks(self.motion)
         displacement, velocity = table.reference
         limits = self._config
         for reason, value, limit in (

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.simulated import SimulatedTable
+from bmd_rths_core.table.true_motion import TrueMotion
 
 
 class VirtualTable(Protocol):
@@ -14,6 +15,10 @@ class VirtualTable(Protocol):
     @property
     def reference(self) -> tuple[float, float]:
         """Displacement [m] and velocity [m/s] the table is asked to have."""
+
+    @property
+    def motion(self) -> TrueMotion:
+        """True motion at the end of the last step."""
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
         """Hold a command for one step and return the sensors at its end.
@@ -56,6 +61,11 @@ class LinearTable:
     def reference(self) -> tuple[float, float]:
         """Displacement [m] and velocity [m/s] the table is asked to have."""
         return self._displacement, self._velocity
+
+    @property
+    def motion(self) -> TrueMotion:
+        """True motion at the end of the last step."""
+        return self._table.motion
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
         """Hold a command for one step and return the sensors at its end.

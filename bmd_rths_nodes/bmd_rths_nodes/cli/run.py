@@ -45,6 +45,9 @@ START_TIMEOUT = 60.0
 #: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
 CLOSING_TIMEOUT = 10.0
 
+#: Time the table is given to come to rest when nothing can be recorded any more [s].
+FAREWELL_TIME = 4.0
+
 
 class RunFailed(Exception):
     """The run could not be brought to an end; the text says why."""
@@ -149,10 +152,17 @@ def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts:
                     description=f"{substructure.state}, {missed} deadlines missed",
                     completed=int(substructure.values["step"]),
                 )
+            if recorder is not None and recorder.state == status.TRIPPED and not problem:
+                problem = f"{RECORDER}: {recorder.message}"
+                give_up = time.perf_counter() + FAREWELL_TIME
             lost = supervisor.lost()
             if lost is not None and not problem and not operator.asked:
                 problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
-                give_up = time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0)
+                wait = CLOSING_TIMEOUT
+                if lost.module == _RECORDER_MODULE:  # a test that is not recorded is of no use
+                    supervisor.interrupt_first()
+                    wait = FAREWELL_TIME
+                give_up = time.perf_counter() + (wait if started else 0.0)
             elif running and not problem and not operator.asked:
                 give_up = math.inf
             elif started or operator.asked:
@@ -168,8 +178,15 @@ def _excuse(monitor: RunMonitor, asked_to_stop: bool, started: bool) -> str:
     if asked_to_stop:
         return "stopped before the test had begun"
     substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
+    if started and substructure is not None:
+        return f"{substructure.message}; the recorder did not close its bag within {CLOSING_TIMEOUT:g} s"
     waiting_for = substructure.values.get("waiting_for", "") if substructure else NUMERICAL_SUBSTRUCTURE
-    return f"the nodes did not find each other within {START_TIMEOUT:g} s; waiting for {waiting_for or 'the recorder'}"
+    notes = {told.message for told in monitor.status.values() if told.state == status.WAITING} - {status.WAITING}
+    why = f" ({'; '.join(sorted(notes))})" if notes else ""
+    return (
+        f"the nodes did not find each other within {START_TIMEOUT:g} s; "
+        f"waiting for {waiting_for or 'the recorder'}{why}"
+    )
 
 
 @contextmanager

@@ -102,12 +102,16 @@ class Emulator:
             self._control.close()
 
     def statistics(self) -> dict[str, Any]:
-        """Return state, interlock and counts."""
+        """Return state, interlock, counts, and the true motion of the table: the present one and its peaks."""
+        motion, peaks = self._controller.motion._asdict(), self._controller.peaks._asdict()
         return {
             "state": self._controller.state.name.lower(),
             "interlock": int(self._controller.interlock),
+            "at_rest": self._controller.at_rest,
             "answered": self.answered,
             "stalled_ms": round(self._stalled * 1e-6, 3),
+            **{name: float(f"{value:.6g}") for name, value in motion.items()},
+            **{f"peak_{name}": float(f"{value:.6g}") for name, value in peaks.items()},
             **self._controller.counts,
         }
 

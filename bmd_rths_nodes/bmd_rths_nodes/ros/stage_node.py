@@ -30,6 +30,9 @@ from bmd_rths_nodes.ros.status import NodeStatus
 PREPARATION_PERIOD = 0.1
 STATUS_PERIOD = 1.0
 
+#: How often a node looks whether somebody else publishes what it listens to [s].
+LOOK_PERIOD = 0.1
+
 #: Longest wait for the last status to be acknowledged when the process ends [s].
 FAREWELL_TIMEOUT = 1.0
 
@@ -65,6 +68,8 @@ class StageNode(LifecycleNode, ABC):
         self.configured = False
         self._publishers_of: list[tuple[Topic, Publisher]] = []
         self._subscriptions_of: list[Subscription] = []
+        self._inputs: list[Subscription] = []
+        self._look_due = 0.0
         self._status_told = self._status_due = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self._forget_counts()
@@ -89,6 +94,10 @@ class StageNode(LifecycleNode, ABC):
     def operator_services(self) -> Mapping[str, Callable[[], str]]:
         """Return what an operator can ask this node for at any time, by name, as `triggers.offer` takes it."""
         return {}
+
+    def on_disturbance(self, problem: str) -> None:
+        """Take no part in the test any more: somebody else publishes what this node listens to."""
+        self.set_state(status.TRIPPED, problem, status.ERROR)
 
     def wants_more_time(self) -> bool:
         """Tell whether the node still has to hear something before its process may end."""
@@ -153,12 +162,14 @@ class StageNode(LifecycleNode, ABC):
             step(index, value)
 
         in_real_time = qos.NEWEST if newest_only else qos.STAGE
-        self.subscribe_raw(topic, on_message, qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time)
+        profile = qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time
+        self._inputs.append(self.subscribe_raw(topic, on_message, profile))
 
-    def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
+    def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
         """Subscribe to the bytes of a topic."""
         subscription = self.create_subscription(message_class(topic), topic.name, on_message, profile, raw=True)
         self._subscriptions_of.append(subscription)
+        return subscription
 
     def set_state(self, state: str, note: str = "", level: bytes = status.OK) -> None:
         """Change the state and tell it at once."""
@@ -193,9 +204,15 @@ class StageNode(LifecycleNode, ABC):
             idle = self.steps == self._steps_told
             if idle and self.state in (status.WAITING, status.READY):
                 self.state = status.READY if self._matched() else status.WAITING
+                self.note = self._disturbance()
             self._steps_told = self.steps
             self.publish_status()
-        return self._status_due
+        if now >= self._look_due:
+            self._look_due = now + LOOK_PERIOD
+            under_way = self.steps > self._steps_told and self.state in _TAKING_PART
+            if under_way and (problem := self._disturbance()):
+                self.on_disturbance(problem)
+        return min(self._status_due, self._look_due)
 
     def publish_status(self) -> None:
         """Tell the status now."""
@@ -286,7 +303,17 @@ class StageNode(LifecycleNode, ABC):
             needed = {role for role in topic.consumers if role != RECORDER or self.config.run.record}
             if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
                 return False
+        if self._disturbance():
+            return False
         return all(subscription.get_publisher_count() > 0 for subscription in self._subscriptions_of)
+
+    def _disturbance(self) -> str:
+        """Return which input of this node has more than one publisher, in words; empty when none has."""
+        for subscription in self._inputs:
+            count = subscription.get_publisher_count()
+            if count > 1:
+                return f"{subscription.topic_name} has {count} publishers, one is allowed"
+        return ""
 
     def _count_malformed(self, topic: Topic, problem: str) -> None:
         self.malformed += 1
@@ -310,6 +337,7 @@ class StageNode(LifecycleNode, ABC):
             self.destroy_subscription(subscription)
         self._publishers_of.clear()
         self._subscriptions_of.clear()
+        self._inputs.clear()
 
 
 def message_class(topic: Topic) -> type:

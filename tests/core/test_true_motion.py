@@ -1,0 +1,54 @@
+"""True motion of the virtual tables: what sensors without noise would say, and the derivative of the displacement."""
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.assembly import make_virtual_controller
+from bmd_rths_core.config import Config
+from bmd_rths_core.table.controller import TableCommand
+from bmd_rths_core.table.faults import Faults
+from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.wire import ControllerState
+from tests.faults.rig import Link
+
+QUIET = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0}
+
+
+def test_peaks_are_the_largest_absolute_values():
+    peaks = TrueMotion()
+    for motion in ((1.0, -2.0, 0.0, 5.0), (-3.0, 1.0, 0.5, -4.0)):
+        peaks = peaks.peaks(TrueMotion(*motion))
+    assert peaks == (3.0, 2.0, 0.5, 5.0)
+
+
+@pytest.mark.parametrize("model", ["servo", "servo_hydraulic"])
+def test_motion_agrees_with_sensors_without_noise_and_velocity_is_the_derivative(model):
+    config = Config().changed(virtual_controller__model=model, **QUIET)
+    table = make_virtual_controller(config, Faults())._make_table(0.0005)
+    motions, displacements = [], []
+    for step in range(2000):
+        measured = table.exchange(TableCommand(step, np.sin(12.0 * 0.0005 * step)))
+        motions.append(table.motion)
+        displacements.append(measured.table_displacement)
+        assert table.motion.acceleration == measured.table_acceleration
+        assert table.motion.force == measured.actuator_force
+        assert table.motion.displacement == measured.table_displacement
+    derivative = (np.array(displacements)[2:] - np.array(displacements)[:-2]) / 0.001
+    assert np.array(motions)[1:-1, 1] == pytest.approx(derivative, abs=1e-5)
+
+
+@pytest.mark.parametrize("model", ["servo", "servo_hydraulic"])
+def test_controller_lets_go_of_a_table_that_really_stands(model):
+    """The table lags behind what it is asked for: at rest is where it stands, not where it should."""
+    config = Config().changed(virtual_controller__model=model, **QUIET)
+    link = Link(config, Faults())
+    link.connect()
+    for step in range(100):
+        link.exchange(TableCommand(step, 2.0 * np.sin(2 * np.pi * 2.0 * 0.005 * step)))
+    assert not link.controller.at_rest
+    assert abs(link.controller.motion.velocity) > 0.005
+    link.stop()
+    assert link.controller.at_rest
+    assert link.controller.state is ControllerState.IDLE
+    assert abs(link.controller.motion.velocity) < 1e-3
+    assert link.controller.peaks.velocity > 0.1
