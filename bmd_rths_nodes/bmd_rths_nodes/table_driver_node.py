@@ -11,7 +11,7 @@ from bmd_rths_core.assembly import make_supervisor
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety import Action, State, halt
-from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
+from bmd_rths_core.table.controller import AsynchronousTableController, NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros import status
@@ -23,6 +23,9 @@ from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, RESET, STOP, Refused
 #: Time between two looks at a table driver that gets no command [s].
 SILENCE_PERIOD = 0.05
 
+#: Time between two looks at an answer that has not come [s]; all but 0.3 ms of it is a wait in the middleware.
+ANSWER_PERIOD = 0.0005
+
 #: What else than a ramp to rest the numerical substructure can ask for at the end of a test.
 _ACTIONS_AT_THE_END = {action.name.lower(): action for action in (Action.HOLD, Action.EMERGENCY_STOP)}
 
@@ -33,7 +36,8 @@ class TableDriverNode(StageNode):
     The safety supervisor looks at every command and measurement. When it refuses a command, or no command comes any
     more, or the operator asks for it, the node trips, brings the table to rest, and nothing moves until it is reset or
     activated again. At the end of every test the table is brought to rest in the same way. A step that the controller
-    does not answer has no measurement, so that it misses its deadline.
+    does not answer has no measurement, so that it misses its deadline. In real time the node does not wait for an
+    answer when the controller is an `AsynchronousTableController`: newer commands and the supervisor go on.
     """
 
     ROLE = TABLE_DRIVER
@@ -41,11 +45,13 @@ class TableDriverNode(StageNode):
 
     _advance_due = _silence_due = math.inf
     _test_runs_until = 0.0
+    _asynchronous: AsynchronousTableController | None = None
 
     def configure_stage(self, config: Config) -> None:
         """Make controller, supervisor and topics."""
         self._supervisor = make_supervisor(config)
         self._table = make_table_controller(config)
+        self._asynchronous = self._table if isinstance(self._table, AsynchronousTableController) else None
         self._period = config.run.time_step
         self._send_measurement = self.publish_to(MEASUREMENT)
         self._forget_the_last_test()
@@ -68,7 +74,7 @@ class TableDriverNode(StageNode):
         self._outcome = ""
         self._moving = self._ended = False
         self._command_time = 0.0
-        self._command_step = -1
+        self._last_step = self._last_passed = -1
         self._silence_due = self._advance_due = math.inf
 
     def stop_stage(self) -> None:
@@ -80,6 +86,7 @@ class TableDriverNode(StageNode):
             self._begin_the_way_to_rest()
         while self._moving:
             time.sleep(max(0.0, self._advance_due - time.perf_counter()))
+            self._look_for_answers(time.perf_counter())
             self._advance()
         halt(self._table, self._supervisor)
         self._table.close()
@@ -99,6 +106,7 @@ class TableDriverNode(StageNode):
 
     def poll(self, now: float) -> float:
         """Send the next command on the way to rest, and notice when no command comes any more."""
+        answer_due = self._look_for_answers(now)
         if now >= self._advance_due:
             self._advance()
         elif now >= self._silence_due:
@@ -106,7 +114,7 @@ class TableDriverNode(StageNode):
             self._supervisor.silence(int((now - self._command_time) / self.config.run.time_step) - 1)
             if not self._supervisor.passing:
                 self._trip("limit", self._supervisor.reason)
-        return min(super().poll(now), self._advance_due, self._silence_due)
+        return min(super().poll(now), self._advance_due, self._silence_due, answer_due)
 
     def on_disturbance(self, problem: str) -> None:
         """Bring the table to rest."""
@@ -161,7 +169,7 @@ class TableDriverNode(StageNode):
             raise Refused("the table driver is inactive; it moves nothing")
 
     def _since(self) -> str:
-        return f"after step {self._command_step}" if self._command_step >= 0 else "before step 0"
+        return f"after step {self._last_passed}" if self._last_passed >= 0 else "before step 0"
 
     def _on_peer(self, peer: NodeStatus) -> None:
         """Bring the table to rest when the test has ended; what is still on its way must not move it again."""
@@ -180,28 +188,50 @@ class TableDriverNode(StageNode):
         if self._ended:
             return
         self._moving = True
-        self._command_step = step
         self._command_time = now = time.perf_counter()
         if not self.config.run.lockstep:
             # The loop waits for nobody in real time: a command that does not come is missed.
             self._silence_due = now + (self.config.safety.stale_shear_limit + 2) * self.config.run.time_step
         if not self._supervisor.check(step, command):
             self._trip("limit", self._supervisor.reason)
-        elif (measurement := self._exchange(TableCommand(step, command))) is not None:
-            self._send_measurement(step, measurement)
+        else:
+            self._last_passed = step
+            self._move(TableCommand(step, command))
 
-    def _exchange(self, command: TableCommand) -> TableMeasurement | None:
-        """Move the table for one step; None when the controller did not answer, or failed."""
+    def _move(self, command: TableCommand) -> None:
+        """Move the table for one step; its measurement comes now, later, or not at all."""
+        self._last_step = command.step
         try:
-            measurement = self._table.exchange(command)
+            if self._asynchronous is None or self.config.run.lockstep:
+                self._on_measurement(self._table.exchange(command))
+            else:
+                self._asynchronous.begin(command)
         except NoAnswer:
-            return None
+            return
         except (OSError, RuntimeError) as error:
-            self._supervisor.request(Action.EMERGENCY_STOP)
-            self._trip("failed", f"table controller at step {command.step}: {error}")
-            return None
+            self._fail(error)
+
+    def _look_for_answers(self, now: float) -> float:
+        """Take the measurements that have come without waiting for them, and return when to look again."""
+        if self._asynchronous is None:
+            return math.inf
+        try:
+            while (measurement := self._asynchronous.poll()) is not None:
+                self._on_measurement(measurement)
+        except (OSError, RuntimeError) as error:
+            self._fail(error)
+        return now + ANSWER_PERIOD if self._asynchronous.awaiting else math.inf
+
+    def _on_measurement(self, measurement: TableMeasurement) -> None:
         self._supervisor.observe(measurement)
-        return measurement
+        if measurement.step <= self._last_passed:  # the way to rest is no part of the test
+            self._send_measurement(measurement.step, measurement)
+
+    def _fail(self, error: Exception) -> None:
+        """Stop the table as fast as it can, because its controller cannot go on."""
+        self._supervisor.request(Action.EMERGENCY_STOP)
+        step = f" at step {self._last_step}" if self._moving else ""
+        self._trip("failed", f"table controller{step}: {error}")
 
     def _trip(self, outcome: str, reason: str) -> None:
         self._outcome = self._outcome or outcome
@@ -219,7 +249,7 @@ class TableDriverNode(StageNode):
         """Send one command on the way to rest; at its end release the table, except after a hold."""
         command = self._supervisor.advance()
         if command is not None:
-            self._exchange(command)
+            self._move(command)
         if self._supervisor.state is not State.STOPPED:
             # Each command is held for a full step; in lockstep only a hold that has come to rest waits.
             if not self.config.run.lockstep or self._supervisor.at_rest:

@@ -235,6 +235,16 @@ def test_second_host_is_refused_while_the_first_is_heard():
     assert bench.state is ControllerState.RUNNING
 
 
+def test_armed_host_that_asks_for_the_status_keeps_its_session():
+    bench = Bench().armed()
+    for _ in range(12):
+        bench.wait(0.25 * SESSION_SILENCE / MS)
+        (answer,) = bench.send(Kind.STATUS)
+        assert answer.state is ControllerState.ARMED
+        assert bench.send(Kind.STATUS, session=6, sender=STRANGER) == []
+    assert bench.run([1.0])[-1].state is ControllerState.RUNNING
+
+
 def test_host_that_has_gone_loses_its_session():
     bench = Bench().armed()
     assert bench.send(Kind.STATUS, session=6) == []

@@ -174,7 +174,7 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
         assert server.statistics()["interlock"] == Interlock.EMERGENCY_STOP
         done, words = ask(client, "reset")
         assert not done
-        assert "is in an interlock (emergency stop); look at the table, then reset it there" in words
+        assert "is in an interlock (emergency stop); look at the table, then reset the interlock there" in words
         table.wait_for(state="tripped")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
             control.settimeout(20.0)

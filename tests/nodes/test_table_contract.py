@@ -8,7 +8,7 @@ import pytest
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.table.controller import TableCommand
+from bmd_rths_core.table.controller import AsynchronousTableController, TableCommand
 from bmd_rths_nodes.hardware import controllers
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from tests.nodes.emulation import LOCKSTEP, emulator
@@ -122,6 +122,12 @@ def test_everything_that_ends_a_test_may_be_called_before_it_and_twice(table):
 def test_statistics_are_texts(table):
     table.connect()
     assert all(isinstance(key, str) and isinstance(value, str) for key, value in table.statistics().items())
+
+
+def test_only_a_controller_that_can_poll_is_used_without_waiting():
+    waiting = [make_table_controller(Config()), documented_controller()(Config())]
+    assert not any(isinstance(table, AsynchronousTableController) for table in waiting)
+    assert isinstance(make_table_controller(LOCKSTEP), AsynchronousTableController)
 
 
 # ---- which one

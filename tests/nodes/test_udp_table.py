@@ -2,11 +2,15 @@
 
 import math
 import socket
+import struct
 import threading
 import time
+import zlib
 from collections import Counter
 
+import numpy as np
 import pytest
+from scipy import signal
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
@@ -21,6 +25,7 @@ from bmd_rths_core.table.wire import (
     decode_host_packet,
     encode_controller_packet,
 )
+from bmd_rths_nodes.hardware import udp
 from bmd_rths_nodes.hardware.udp import make_udp_table
 from tests.nodes.conftest import wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
@@ -62,6 +67,8 @@ class Script:
         self.socket.bind(("127.0.0.1", 0))
         self.socket.settimeout(0.05)
         self.other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.datagrams = []
+        self.state = ControllerState.IDLE
         self.received = Counter()
         self._on_command = on_command
         self._ended = threading.Event()
@@ -75,13 +82,16 @@ class Script:
             except TimeoutError:
                 continue
             packet = decode_host_packet(data)
+            self.datagrams.append(data)
             self.received[packet.kind] += 1
             if packet.kind is Kind.COMMAND:
                 for answer in self._on_command(packet):
                     self.socket.sendto(answer, self.host)
             else:
-                state = ControllerState.ARMED if packet.kind is Kind.ARM else ControllerState.IDLE
-                self.socket.sendto(answer_to(packet, state), self.host)
+                if packet.kind is not Kind.STATUS:
+                    self.state = ControllerState.ARMED if packet.kind is Kind.ARM else ControllerState.IDLE
+                bits = Interlock.EMERGENCY_STOP if self.state is ControllerState.INTERLOCK else Interlock(0)
+                self.socket.sendto(answer_to(packet, self.state, interlock=bits), self.host)
 
     def close(self):
         self._ended.set()
@@ -251,6 +261,155 @@ def test_frozen_controller_is_noticed_at_the_first_step():
         table.close()
 
 
+# ---- without waiting
+
+
+def polled(table, number):
+    """Poll until so many measurements have come."""
+    return [wait_until(table.poll) for _ in range(number)]
+
+
+def test_commands_go_on_while_an_answer_is_missing_and_each_answer_finds_its_step(scripted):
+    waiting = []
+
+    def on_command(packet):
+        waiting.append(packet)
+        if packet.step < 2:
+            return []
+        return [answer_to(p, step=2, acceleration=float(p.step)) for p in waiting]  # the last one is applied by now
+
+    table, _ = scripted(on_command)
+    for step in range(3):
+        table.begin(TableCommand(step, 0.1 * step))
+    assert table.awaiting
+    measurements = polled(table, 3)
+    assert [(m.step, m.table_acceleration, m.applied_command) for m in measurements] == [
+        (step, float(step), 0.1 * step) for step in range(3)
+    ]
+    assert not table.awaiting
+    assert table.poll() is None
+    assert (counts(table)["answered"], counts(table)["lost"]) == (5, 0)  # status, arm and three commands
+
+
+def test_answer_that_does_not_come_in_time_is_given_up_and_not_used_when_it_comes(scripted):
+    late = []
+
+    def on_command(packet):
+        late.append(answer_to(packet))
+        return late if packet.step else []
+
+    table, script = scripted(on_command, REAL_TIME.changed(table__answer_timeout=0.03))
+    table.begin(TableCommand(0, 0.0))
+    wait_until(lambda: table.poll() or not table.awaiting)
+    assert counts(table)["lost"] == 1
+    table.begin(TableCommand(1, 0.0))
+    wait_until(lambda: script.received[Kind.COMMAND] == 2)
+    wait_until(lambda: table.poll() is None and counts(table)["late"] == 1)
+
+
+def test_answer_that_a_newer_one_has_overtaken_is_counted_and_dropped(scripted):
+    waiting = []
+
+    def on_command(packet):
+        waiting.insert(0, answer_to(packet, step=1))
+        return waiting if packet.step else []
+
+    table, _ = scripted(on_command)
+    for step in range(2):
+        table.begin(TableCommand(step, 0.0))
+    (measurement,) = polled(table, 1)
+    assert measurement.step == 1
+    wait_until(lambda: table.poll() is None and counts(table)["late"] == 1)
+    assert counts(table)["lost"] == 1
+
+
+def test_nothing_is_awaited_after_the_end(scripted):
+    table, _ = scripted(lambda p: [])
+    table.begin(TableCommand(0, 0.0))
+    table.stop()
+    assert not table.awaiting
+    assert table.poll() is None
+    assert (counts(table)["lost"], table.statistics()["udp_stop"]) == (1, "confirmed")
+    with pytest.raises(RuntimeError, match="command of step 1 refused: the table is stopped"):
+        table.begin(TableCommand(1, 0.0))
+
+
+def test_poll_tells_why_the_controller_does_not_run(scripted):
+    table, _ = scripted(lambda p: [answer_to(p, ControllerState.INTERLOCK, interlock=Interlock.FORCE)])
+    table.begin(TableCommand(0, 0.0))
+    with pytest.raises(RuntimeError, match=r"is in an interlock \(force\)"):
+        polled(table, 1)
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_waiting_host_keeps_its_session_until_the_first_command(scripted, monkeypatch, lockstep):
+    monkeypatch.setattr(udp, "KEEP_ALIVE_PERIOD", 0.01)
+    table, script = scripted(lambda p: [answer_to(p)], REAL_TIME.changed(run__lockstep=lockstep))
+    wait_until(lambda: table.poll() or script.received[Kind.STATUS] > 5)
+    assert table.exchange(TableCommand(0, 0.0)).step == 0
+    asked = script.received[Kind.STATUS]
+    for _ in range(5):
+        assert table.poll() is None
+        time.sleep(0.01)
+    # From now on silence is for the watchdog of the controller to notice.
+    assert script.received[Kind.STATUS] == asked
+    assert counts(table)["duplicate"] == counts(table)["late"] == counts(table)["lost"] == 0
+
+
+def test_interlock_while_waiting_is_told(scripted, monkeypatch):
+    monkeypatch.setattr(udp, "KEEP_ALIVE_PERIOD", 0.01)
+    table, script = scripted(lambda p: [answer_to(p)])
+    script.state = ControllerState.INTERLOCK
+    with pytest.raises(RuntimeError, match=r"is in an interlock \(emergency stop\)"):
+        wait_until(table.poll)
+
+
+# ---- displacement
+
+
+def expected_command(data, step, acceleration, velocity, displacement):
+    """Return the bytes of a command, with sequence and session of a datagram, as the documentation has them."""
+    sequence, session = struct.unpack_from("<I", data, 8)[0], struct.unpack_from("<I", data, 48)[0]
+    time_ns = step * REAL_TIME.run.time_step_ns
+    body = struct.pack(
+        "<4sHHIIqdddI", b"RTHC", 1, 2, sequence, step, time_ns, acceleration, velocity, displacement, session
+    )
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def sent_commands(script):
+    return [data for data in script.datagrams if decode_host_packet(data).kind is Kind.COMMAND]
+
+
+def test_velocity_and_displacement_are_nan_unless_they_are_asked_for(scripted):
+    table, script = scripted(lambda p: [answer_to(p)])
+    table.exchange(TableCommand(0, 1.5))
+    (data,) = sent_commands(script)
+    assert data == expected_command(data, 0, 1.5, math.nan, math.nan)
+
+
+def test_velocity_and_displacement_are_the_filtered_integrals_also_over_skipped_steps(scripted):
+    table, script = scripted(lambda p: [answer_to(p)], REAL_TIME.changed(table__send_displacement=True))
+    corner, dt = REAL_TIME.safety.high_pass_frequency, REAL_TIME.run.time_step
+    denominator = [1.0, 2.0 * corner, 2.0 * corner**2, corner**3]
+    held = np.array([1.0, -2.0, -2.0, -2.0, 0.5])
+    steps = (0, 1, 4)
+    velocity, displacement = (
+        signal.dlsim(signal.TransferFunction(numerator, denominator).to_ss().to_discrete(dt), np.append(held, 0.0))[1]
+        for numerator in ([1.0, 0.0, 0.0], [1.0, 0.0])
+    )
+    for _ in range(2):  # a new test begins at rest
+        table.connect()
+        script.datagrams.clear()
+        for step in steps:
+            table.exchange(TableCommand(step, held[step]))
+        for step, data in zip(steps, sent_commands(script), strict=True):
+            packet = decode_host_packet(data)
+            assert packet.velocity == pytest.approx(velocity[step + 1, 0], rel=1e-9)
+            assert packet.displacement == pytest.approx(displacement[step + 1, 0], rel=1e-9)
+            assert data == expected_command(data, step, held[step], packet.velocity, packet.displacement)
+
+
 # ---- session
 
 
@@ -263,7 +422,7 @@ def test_silent_host_finds_an_interlock_that_only_a_reset_ends():
         wait_until(lambda: server.statistics()["state"] == "interlock")
         with pytest.raises(RuntimeError, match=r"is in an interlock \(watchdog\)"):
             table.exchange(TableCommand(1, 1.0))
-        with pytest.raises(RuntimeError, match=r"\(watchdog\); look at the table, then reset it there or set table\."):
+        with pytest.raises(RuntimeError, match=r"\(watchdog\); look at the table, then reset the interlock"):
             table.connect()
         table.close()
         wait_until(lambda: can_connect(make_udp_table(connected.changed(table__reset_interlock=True))))
@@ -277,6 +436,20 @@ def can_connect(table):
     finally:
         table.close()
     return True
+
+
+def test_controller_of_a_host_that_died_tells_the_next_one_what_to_do():
+    config = REAL_TIME.changed(virtual_controller__return_frequency=50.0, virtual_controller__watchdog=0.05)
+    with emulator(config) as (_, connected):
+        dead = make_udp_table(connected)
+        dead.connect()
+        dead.exchange(TableCommand(0, 1.0))
+        dead._socket.close()
+        following = make_udp_table(connected.changed(table__give_up_after=4.0))
+        with pytest.raises(RuntimeError, match=r"\(watchdog\); .* or start with table\.reset_interlock=true"):
+            following.connect()
+        following.close()
+        wait_until(lambda: can_connect(make_udp_table(connected.changed(table__reset_interlock=True))))
 
 
 def test_emergency_stop_is_an_interlock_at_once():

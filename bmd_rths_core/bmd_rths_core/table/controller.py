@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,3 +104,47 @@ class TableController(Protocol):
 
     def statistics(self) -> Mapping[str, str]:
         """Return what the controller can tell about itself and the connection, for the diagnostics."""
+
+
+@runtime_checkable
+class AsynchronousTableController(TableController, Protocol):
+    """A table controller that can take a command without waiting for its answer.
+
+    In real time the table driver then calls `begin` once a step and `poll` all the time, instead of `exchange`, and
+    goes on with newer commands while an answer is missing. Both are called from one thread.
+    """
+
+    @property
+    def awaiting(self) -> bool:
+        """True while a command is neither answered nor given up."""
+
+    def begin(self, command: TableCommand) -> None:
+        """Apply a command for one step and return at once.
+
+        Parameters
+        ----------
+        command : TableCommand
+            As for `exchange`.
+
+        Raises
+        ------
+        OSError, RuntimeError
+            As for `exchange`.
+        """
+
+    def poll(self) -> TableMeasurement | None:
+        """Return a measurement that has come, without waiting.
+
+        It may be called at any time, also before `connect` and after `close`, and has nothing to return then. Between
+        `connect` and the first command it keeps up the connection.
+
+        Returns
+        -------
+        TableMeasurement or None
+            In the order of the steps. A step whose answer is lost has none.
+
+        Raises
+        ------
+        OSError, RuntimeError
+            As for `exchange`.
+        """

@@ -45,13 +45,24 @@ class TableConfig:
         upper=1.0,
     )
     give_up_after: float = parameter(
-        1.0, description="Silence after which the controller counts as not there", unit="s", lower=0.01, upper=4.0
+        1.5,
+        description="Silence after which the controller counts as not there",
+        unit="s",
+        source="longer than the 1 s after which a controller lets go of a host that has died",
+        lower=0.01,
+        upper=4.0,
     )
     stop_timeout: float = parameter(
         3.0, description="Longest wait for the table to come to rest after a stop", unit="s", lower=0.01, upper=60.0
     )
     reset_interlock: bool = parameter(
         False, description="Reset an interlock of the controller when connecting, instead of refusing to start"
+    )
+
+    send_displacement: bool = parameter(
+        False,
+        description="The udp controller gets velocity and displacement with every acceleration, for a table that is "
+        "displacement-controlled",
     )
 
     def __post_init__(self) -> None:

@@ -9,9 +9,11 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.safety.displacement_command import DisplacementCommand, TableMotion
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_core.table.selection import TableConfig, parse_address
 from bmd_rths_core.table.wire import (
@@ -30,18 +32,33 @@ from bmd_rths_core.table.wire import (
 #: Longer than any packet, so that a datagram that is too long is seen as such.
 LONGEST_DATAGRAM = 4096
 
+#: Time between two packets of a host that waits for the first command [s]; controllers let go of a host after 1 s.
+KEEP_ALIVE_PERIOD = 0.25
+
+#: Most datagrams one `poll` looks at, so that a flood of them does not keep it.
+MOST_DATAGRAMS = 16
+
+_UNUSED = TableMotion(math.nan, math.nan)
+
 _COUNTS = (
     *("sent", "answered", "resent", "lost", "late", "duplicate", "wrong_address", "wrong_session", "armed"),
     *(reason.name.lower() for reason in Rejection),
 )
 
 
+class _Pending(NamedTuple):
+    """A command in real time that is not answered yet."""
+
+    command: TableCommand
+    deadline: float
+
+
 class UdpTable:
     """A table controller on the network, as docs/udp_wire_format.md describes it.
 
-    A command in real time is sent once: without an answer in time its step has no measurement (`NoAnswer`). All other
-    packets, and commands in lockstep, are sent again with the same sequence number until they are answered; the
-    controller recognises that number and does nothing twice.
+    A command in real time is sent once: without an answer in time its step has no measurement. `begin` and `poll` do
+    not wait for it, `exchange` does. All other packets, and commands in lockstep, are sent again with the same sequence
+    number until they are answered; the controller recognises that number and does nothing twice.
 
     Parameters
     ----------
@@ -53,21 +70,35 @@ class UdpTable:
         Δt [ns].
     lockstep : bool
         The controller is a simulator that advances one step a command.
+    motion : DisplacementCommand, optional
+        Makes velocity and displacement of each command; without it they are not sent.
     """
 
-    def __init__(self, config: TableConfig, floors: int, time_step_ns: int, lockstep: bool) -> None:
+    def __init__(
+        self,
+        config: TableConfig,
+        floors: int,
+        time_step_ns: int,
+        lockstep: bool,
+        motion: DisplacementCommand | None = None,
+    ) -> None:
         self._config = config
         self._floors = floors
         self._time_step_ns = time_step_ns
         self._lockstep = lockstep
+        self._motion = motion
         self._session = secrets.randbits(32)
         self._sequence = 0
         self._socket: socket.socket | None = None
         self._peer = ("", 0)
         self._armed = False
         self._last_step = -1
+        self._last_acceleration = 0.0
         self._stop_confirmed = True
+        self._pending: dict[int, _Pending] = {}
         self._lost: set[int] = set()
+        self._keep_alives: set[int] = set()
+        self._keep_alive_due = 0.0
         self._counts = Counter(dict.fromkeys(_COUNTS, 0))
 
     def connect(self) -> None:
@@ -88,7 +119,8 @@ class UdpTable:
             state = self._reset(state)
         if state.state is ControllerState.INTERLOCK:
             raise RuntimeError(
-                f"{self._told(state)}; look at the table, then reset it there or set table.reset_interlock"
+                f"{self._told(state)}; look at the table, then reset the interlock there "
+                "or start with table.reset_interlock=true"
             )
         state = self._asked(Kind.ARM, ArmMode.LOCKSTEP if self._lockstep else ArmMode.REAL_TIME)
         if state.state is not ControllerState.ARMED:
@@ -96,7 +128,18 @@ class UdpTable:
         self._counts["armed"] += 1
         self._armed = True
         self._last_step = -1
+        self._last_acceleration = 0.0
+        self._pending.clear()
         self._lost.clear()
+        self._keep_alives.clear()
+        self._keep_alive_due = time.perf_counter() + KEEP_ALIVE_PERIOD
+        if self._motion is not None:
+            self._motion.reset()
+
+    @property
+    def awaiting(self) -> bool:
+        """True while the answer to a command is neither there nor given up."""
+        return bool(self._pending)
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
         """Send a command and wait for the answer to exactly this command.
@@ -120,27 +163,74 @@ class UdpTable:
         RuntimeError
             The controller is stopped, in an interlock, idle or silent, or the step lies in the past.
         """
-        step = command.step
-        if not self._armed:
-            raise RuntimeError(f"command of step {step} refused: the table is stopped")
-        if step <= self._last_step:
-            raise RuntimeError(f"command of step {step} refused: step {self._last_step + 1} is next")
-        self._last_step = step
         if self._lockstep:
-            answer = self._asked(Kind.COMMAND, step, command.acceleration)
-        else:
-            sequence, _ = self._send(Kind.COMMAND, step, command.acceleration)
-            received = self._receive(sequence, time.perf_counter() + self._config.answer_timeout)
-            if received is None:
-                self._counts["lost"] += 1
-                self._lost.add(sequence)
-                raise NoAnswer(f"no answer to step {step} within {1e3 * self._config.answer_timeout:g} ms")
-            answer = received
-        if answer.state is not ControllerState.RUNNING:
-            raise RuntimeError(self._told(answer))
-        if answer.step != step:
-            raise RuntimeError(f"{self._where()} answers step {step}, but the last command it applied is {answer.step}")
-        return answer.measurement(command.acceleration)
+            return self._measured(self._asked(Kind.COMMAND, *command, self._next(command)), command)
+        self.begin(command)
+        while self._pending:
+            measurement = self.poll()
+            if measurement is not None and measurement.step == command.step:
+                return measurement
+            self._readable(min((pending.deadline for pending in self._pending.values()), default=0.0))
+        raise NoAnswer(f"no answer to step {command.step} within {1e3 * self._config.answer_timeout:g} ms")
+
+    def begin(self, command: TableCommand) -> None:
+        """Send a command in real time; `poll` returns its measurement.
+
+        Parameters
+        ----------
+        command : TableCommand
+            As for `exchange`. Commands that are not answered yet stay valid: each answer belongs to one of them.
+
+        Raises
+        ------
+        OSError
+            The network refuses to send.
+        RuntimeError
+            The table is stopped, or the step lies in the past.
+        """
+        sequence, _ = self._send(Kind.COMMAND, *command, self._next(command))
+        self._pending[sequence] = _Pending(command, time.perf_counter() + self._config.answer_timeout)
+
+    def poll(self) -> TableMeasurement | None:
+        """Return the measurement of a command whose answer has come, without waiting.
+
+        Answers that do not come in time are given up and counted, also those that a newer one has overtaken. Before the
+        first command the controller is asked for its status now and then, so that the session lasts.
+
+        Returns
+        -------
+        TableMeasurement or None
+
+        Raises
+        ------
+        OSError
+            The network refuses to send.
+        RuntimeError
+            The controller is stopped, in an interlock or idle.
+        """
+        if not self._armed:
+            return None
+        self._stay_in_session()
+        for _ in range(MOST_DATAGRAMS):
+            if not self._readable():
+                break
+            packet = self._read()
+            if packet is None:
+                continue
+            if packet.sequence in self._pending:
+                while (older := next(iter(self._pending))) != packet.sequence:
+                    self._give_up(older)
+                command = self._pending.pop(packet.sequence).command
+                self._counts["answered"] += 1
+                return self._measured(packet, command)
+            waiting = packet.sequence in self._keep_alives
+            self._count_unasked(packet.sequence)
+            if waiting and packet.state not in (ControllerState.ARMED, ControllerState.RUNNING):
+                raise RuntimeError(self._told(packet))
+        now = time.perf_counter()
+        for sequence in [sequence for sequence, pending in self._pending.items() if pending.deadline < now]:
+            self._give_up(sequence)
+        return None
 
     def stop(self) -> None:
         """Ask for a controlled ramp to rest and wait for its end, no longer than `table.stop_timeout`."""
@@ -181,20 +271,63 @@ class UdpTable:
             raise OSError(f"{self._where()} from {self._config.local_address}: {error.strerror or error}") from error
         self._socket = link
 
-    def _send(self, kind: Kind, step: int = 0, acceleration: float = 0.0) -> tuple[int, bytes]:
+    def _next(self, command: TableCommand) -> TableMotion:
+        """Check that a command may be sent now, and return what goes with it."""
+        step, skipped = command.step, command.step - self._last_step - 1
+        if not self._armed:
+            raise RuntimeError(f"command of step {step} refused: the table is stopped")
+        if skipped < 0:
+            raise RuntimeError(f"command of step {step} refused: step {self._last_step + 1} is next")
+        motion = _UNUSED
+        if self._motion is not None:
+            for _ in range(skipped):
+                self._motion.step(self._last_acceleration)
+            motion = self._motion.step(command.acceleration)
+        self._last_step, self._last_acceleration = command
+        return motion
+
+    def _measured(self, answer: ControllerPacket, command: TableCommand) -> TableMeasurement:
+        """Return the sensors in the answer to a command, if the controller runs as it should."""
+        if answer.state is not ControllerState.RUNNING:
+            raise RuntimeError(self._told(answer))
+        # The next command may have been applied before this answer was due.
+        if not command.step <= answer.step <= self._last_step:
+            raise RuntimeError(
+                f"{self._where()} answers step {command.step}, but the last command it applied is {answer.step}"
+            )
+        return answer.measurement(command.acceleration)._replace(step=command.step)
+
+    def _stay_in_session(self) -> None:
+        """Ask for the status while nothing else is sent. Once there are commands, their absence has to be noticed."""
+        now = time.perf_counter()
+        if self._last_step < 0 and now >= self._keep_alive_due:
+            self._keep_alive_due = now + KEEP_ALIVE_PERIOD
+            self._keep_alives.add(self._send(Kind.STATUS)[0])
+
+    def _give_up(self, sequence: int) -> None:
+        """Have no measurement for a command in real time."""
+        del self._pending[sequence]
+        self._lost.add(sequence)
+        self._counts["lost"] += 1
+
+    def _send(
+        self, kind: Kind, step: int = 0, acceleration: float = 0.0, motion: TableMotion = _UNUSED
+    ) -> tuple[int, bytes]:
         """Send a new packet and return its sequence number and bytes."""
         sequence = self._sequence
         self._sequence = (sequence + 1) % MODULUS
         time_ns = step * self._time_step_ns if kind is Kind.COMMAND else 0
-        packet = HostPacket(kind, sequence, step, time_ns, acceleration, math.nan, math.nan, self._session)
+        packet = HostPacket(kind, sequence, step, time_ns, acceleration, *motion, self._session)
         data = encode_host_packet(packet)
         self._link().sendto(data, self._peer)
         self._counts["sent"] += 1
         return sequence, data
 
-    def _asked(self, kind: Kind, step: int = 0, acceleration: float = 0.0) -> ControllerPacket:
+    def _asked(
+        self, kind: Kind, step: int = 0, acceleration: float = 0.0, motion: TableMotion = _UNUSED
+    ) -> ControllerPacket:
         """Send a packet until it is answered."""
-        sequence, data = self._send(kind, step, acceleration)
+        sequence, data = self._send(kind, step, acceleration, motion)
         give_up = time.perf_counter() + self._config.give_up_after
         while (answer := self._receive(sequence, time.perf_counter() + self._config.resend_after)) is None:
             if time.perf_counter() > give_up:
@@ -203,25 +336,35 @@ class UdpTable:
             self._counts["resent"] += 1
         else:
             return answer
-        raise RuntimeError(f"no answer from {self._where()} within {self._config.give_up_after:g} s")
+        raise RuntimeError(
+            f"no answer from {self._where()} within {self._config.give_up_after:g} s: "
+            "it is not there, or another host is using it"
+        )
 
     def _receive(self, sequence: int, deadline: float) -> ControllerPacket | None:
         """Return the answer to a packet, or None after the deadline; count what else arrives."""
-        link, clock = self._link(), time.perf_counter
-        while select.select([link], [], [], max(0.0, deadline - clock()))[0]:
-            try:
-                data, sender = link.recvfrom(LONGEST_DATAGRAM)
-            except OSError:  # what the network says about packets sent before
-                continue
-            packet = self._accepted(data, sender)
+        while self._readable(deadline):
+            packet = self._read()
             if packet is not None and packet.sequence == sequence:
                 self._counts["answered"] += 1
                 return packet
             if packet is not None:
-                self._count_old(packet.sequence)
-            if clock() > deadline:
+                self._count_unasked(packet.sequence)
+            if time.perf_counter() > deadline:
                 break
         return None
+
+    def _readable(self, deadline: float = 0.0) -> bool:
+        """Wait for a datagram, until a deadline; by default look only."""
+        return bool(select.select([self._link()], [], [], max(0.0, deadline - time.perf_counter()))[0])
+
+    def _read(self) -> ControllerPacket | None:
+        """Read one datagram; None when it is not an answer to this host."""
+        try:
+            data, sender = self._link().recvfrom(LONGEST_DATAGRAM)
+        except OSError:  # what the network says about packets sent before
+            return None
+        return self._accepted(data, sender)
 
     def _accepted(self, data: bytes, sender: tuple[str, int]) -> ControllerPacket | None:
         if sender != self._peer:
@@ -236,9 +379,14 @@ class UdpTable:
             return None
         return packet
 
-    def _count_old(self, sequence: int) -> None:
-        self._counts["late" if sequence in self._lost else "duplicate"] += 1
-        self._lost.discard(sequence)
+    def _count_unasked(self, sequence: int) -> None:
+        """Count an answer that has no measurement to give: that of a keep-alive, a late or a doubled one."""
+        if sequence in self._keep_alives:
+            self._keep_alives.remove(sequence)
+            self._counts["answered"] += 1
+        else:
+            self._counts["late" if sequence in self._lost else "duplicate"] += 1
+            self._lost.discard(sequence)
 
     def _settled(self, state: ControllerPacket) -> ControllerPacket:
         """Wait until the table does not move any more."""
@@ -258,6 +406,8 @@ class UdpTable:
 
     def _halt(self, kind: Kind) -> None:
         self._armed = self._stop_confirmed = False
+        for sequence in list(self._pending):
+            self._give_up(sequence)
         try:
             state = self._settled(self._asked(kind))
         except (OSError, RuntimeError):
@@ -300,4 +450,5 @@ def make_udp_table(config: Config) -> UdpTable:
             f"table.answer_timeout: {table.answer_timeout:g} s is not allowed; "
             f"less than run.time_step, {run.time_step:g} s, is required"
         )
-    return UdpTable(table, len(config.specimen.masses), run.time_step_ns, run.lockstep)
+    motion = DisplacementCommand(config.safety, run.time_step) if table.send_displacement else None
+    return UdpTable(table, len(config.specimen.masses), run.time_step_ns, run.lockstep, motion)
