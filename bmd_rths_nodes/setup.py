@@ -24,5 +24,6 @@ setup(
     ],
     entry_points={"console_scripts": ["bmd-rths = bmd_rths_nodes.cli.main:main"]},
     install_requires=["bmd_rths_core", "bmd_rths_msgs_py", "click", "matplotlib", "rich", "PyYAML"],
+    extras_require={"cluster": ["distributed"], "parquet": ["pyarrow"]},
     zip_safe=False,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.reference import nonlinear_reference_response, reference_response
+from bmd_rths_core.reference import nonlinear_reference_response, reference_responses
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ def tracking_delay(desired: FloatArray, achieved: FloatArray, time_step: float, 
     if len(desired) < 3 or not desired.any() or not achieved.any():
         return float("nan")
     lags = min(round(longest / time_step), len(desired) - 2)
-    padded = 2 * len(desired)  # the correlation by Fourier transform is circular
+    padded = 1 << (len(desired) + lags + 1).bit_length()  # the correlation by Fourier transform is circular
     circular = np.fft.irfft(np.fft.rfft(achieved, padded) * np.conj(np.fft.rfft(desired, padded)), padded)
     correlation = np.roll(circular, lags + 1)[: 2 * lags + 3]
     peak = int(np.argmax(correlation[1:-1])) + 1
@@ -106,13 +107,32 @@ def run_metrics(record: RunRecord) -> RunMetrics:
         Sensors are compared at the end of the step they were read at.
     """
     config = config_from_mapping(record.configuration)
-    reference = reference_of(record, config)
-    lower = len(config.numerical_substructure.masses)
+    return compare(record, reference_of(record, config), len(config.numerical_substructure.masses))
+
+
+def compare(record: RunRecord, reference: FloatArray, lower: int) -> RunMetrics:
+    """Compare a run with a reference.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run, N steps.
+    reference : ndarray, shape (N, n)
+        Absolute acceleration of every floor of the whole building at the steps [m/s²].
+    lower : int
+        Stories of the numerical substructure.
+
+    Returns
+    -------
+    RunMetrics
+        Sensors are compared at the end of the step they were read at.
+    """
+    upper = reference.shape[1] - lower
     at_interface = rmse_percent(reference[:, lower - 1], record.desired_acceleration)
     measured = record.floor_accelerations
     if not measured.size:  # nothing was measured at all
-        measured = np.full((record.steps, len(config.specimen.masses)), np.nan)
-    floors = tuple(rmse_percent(reference[1:, lower + i], measured[:-1, i]) for i in range(len(config.specimen.masses)))
+        measured = np.full((record.steps, upper), np.nan)
+    floors = tuple(rmse_percent(reference[1:, lower + i], measured[:-1, i]) for i in range(upper))
     delay = tracking_delay(record.desired_acceleration[1:], record.table_acceleration[:-1], record.time_step)
     missing = sum(int(np.isnan(signal).sum()) for name, signal in record.signals().items() if name in _EVERY_STEP)
     return RunMetrics(
@@ -143,14 +163,30 @@ def reference_of(record: RunRecord, config: Config) -> FloatArray:
     With a feedback scale below 1 the loop is another building, whose upper part has that share of its mass, stiffness
     and damping; the reference is that building.
     """
+    return references_of([np.nan_to_num(record.ground_acceleration)], config)[0]
+
+
+def references_of(ground_accelerations: Sequence[FloatArray], config: Config) -> list[FloatArray]:
+    """Return the reference responses of a configuration to some ground motions.
+
+    Parameters
+    ----------
+    ground_accelerations : sequence of ndarray, each of shape (N,)
+        a_g at the steps [m/s²].
+    config : Config
+        The whole configuration.
+
+    Returns
+    -------
+    list of ndarray, each of shape (N, n)
+        As `reference_of` has it.
+    """
     lower = config.numerical_substructure.building()
     upper = config.specimen.building().scaled(config.force_correction.feedback_scale)
-    ground = np.nan_to_num(record.ground_acceleration)
     if config.nonlinear.linear_chain:
-        return reference_response(upper.stacked_on(lower), ground, record.time_step)
-    return nonlinear_reference_response(
-        nonlinear_building(lower, config.nonlinear).below(upper), ground, record.time_step
-    )
+        return reference_responses(upper.stacked_on(lower), ground_accelerations, config.run.time_step)
+    building = nonlinear_building(lower, config.nonlinear).below(upper)
+    return [nonlinear_reference_response(building, g, config.run.time_step) for g in ground_accelerations]
 
 
 #: Signals that every step of a complete recording has; sensors a laboratory lacks are NaN by design.

@@ -112,9 +112,11 @@ class NonlinearSubstructure:
         load = np.vstack((-self._masses, np.eye(1, n, n - 1)[0])).T
         b = load_matrix(self._parameters) @ load / scale[:, None]
         restoring = np.concatenate((self._initial_stiffness[-1], self._interface_damping, np.zeros(2 * n)))
-        # Desired acceleration (f − r x) / m, and the required force, which is f, for the state x of this step.
-        of_motion = np.outer([-1.0 / m, 0.0], restoring)
-        return DiscreteStateSpace(a=a, b=b, c=of_motion @ a, d=of_motion @ b + np.array([[0.0, 1.0 / m], [0.0, 1.0]]))
+        # Desired acceleration (f − r x) / m, required force, which is f, displacements, for the state x of this step.
+        of_motion = np.vstack((-restoring / m, np.zeros(4 * n), np.eye(n, 4 * n)))
+        of_force = np.zeros((len(of_motion), 2))
+        of_force[:2, 1] = 1.0 / m, 1.0
+        return DiscreteStateSpace(a=a, b=b, c=of_motion @ a, d=of_motion @ b + of_force)
 
 
 def _integration_parameters(

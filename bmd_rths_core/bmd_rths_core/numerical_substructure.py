@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
@@ -144,18 +145,22 @@ class NumericalSubstructure:
         Returns
         -------
         DiscreteStateSpace
-            Inputs a_g [m/s²] and shear fed back [N]; outputs desired acceleration [m/s²] and required force [N]. The
-            state is motion and inputs of the step before. A first ground acceleration of 0 is assumed: `step` has no
-            interval before step 0 over which it could act.
+            Inputs a_g [m/s²] and shear fed back [N]; outputs desired acceleration [m/s²], required force [N] and n
+            displacements [m]. The state is the motion at this step but for what the inputs of this step add. It begins
+            with `start` times the first ground acceleration, or from zero when that is zero.
         """
         n, m = len(self._state), self._interface_mass
-        of_past, of_input = self._transition[:, : n + 2], self._transition[:, n + 2 :]
-        # Desired acceleration (f − r x) / m, and required force, for the state x of this step.
-        of_motion = np.outer([-1.0 / m, 0.0], self._restoring)
-        of_force = np.array([[0.0, 1.0 / m], [0.0, 1.0]])
-        return DiscreteStateSpace(
-            a=np.vstack((of_past, np.zeros((2, n + 2)))),
-            b=np.vstack((of_input, np.eye(2))),
-            c=of_motion @ of_past,
-            d=of_motion @ of_input + of_force,
-        )
+        phi, past, now = self._transition[:, :n], self._transition[:, n : n + 2], self._transition[:, n + 2 :]
+        # Desired acceleration (f − r x) / m, required force, which is f, and displacements, for the motion x.
+        of_motion = np.vstack((-self._restoring / m, np.zeros(n), np.eye(n // 2, n)))
+        of_force = np.zeros((len(of_motion), 2))
+        of_force[:2, 1] = 1.0 / m, 1.0
+        return DiscreteStateSpace(a=phi, b=phi @ now + past, c=of_motion, d=of_motion @ now + of_force)
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """State of `state_space` that is at rest at step 0 under a ground acceleration of 1 m/s², shape (2n,).
+
+        `step` has no interval before step 0 over which the first ground acceleration could act.
+        """
+        return -self._transition[:, len(self._state) + 2]

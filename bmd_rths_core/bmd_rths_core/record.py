@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -194,9 +195,15 @@ def provenance(configuration: Mapping[str, Any], motion: GroundMotion) -> dict[s
     return {
         "configuration": configuration,
         "motion": {"name": motion.name, "sha256": motion.sha256, "source": motion.source},
-        "versions": {
-            "bmd_rths": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "scipy", "filterpy")},
-        },
+        "versions": dict(_versions()),
+    }
+
+
+@functools.cache
+def _versions() -> Mapping[str, str]:
+    """Return the versions; to look them up takes longer than many a run."""
+    return {
+        "bmd_rths": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "scipy", "filterpy")},
     }

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import first_order_hold
+from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
+from bmd_rths_core.linear_simulation import LinearSimulation
 from bmd_rths_core.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
+
+#: Steps that are computed at once: they fit into the cache of a processor.
+_CHUNK = 2048
 
 
 def reference_response(building: ShearBuilding, ground_acceleration: FloatArray, time_step: float) -> FloatArray:
@@ -29,14 +35,40 @@ def reference_response(building: ShearBuilding, ground_acceleration: FloatArray,
     ndarray, shape (N, n)
         ü + ü_g at the steps, exact for a piecewise-linear ground motion, from rest at step 0 [m/s²].
     """
+    return reference_responses(building, [ground_acceleration], time_step)[0]
+
+
+def reference_responses(
+    building: ShearBuilding, ground_accelerations: Sequence[FloatArray], time_step: float
+) -> list[FloatArray]:
+    """Return the responses of a building to many ground motions, computed together.
+
+    Parameters
+    ----------
+    building : ShearBuilding
+        The whole building, n floors (Eqs. 1 and 2).
+    ground_accelerations : sequence of ndarray, each of shape (N,)
+        a_g [m/s²], linear between the steps; of any length each.
+    time_step : float
+        Δt [s].
+
+    Returns
+    -------
+    list of ndarray, each of shape (N, n)
+        As `reference_response` has them.
+    """
     a, b, c = building.relative_motion()
     phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step)
-    state = np.zeros(len(a))
-    response = np.zeros((len(ground_acceleration), building.stories))
-    for k in range(1, len(ground_acceleration)):
-        state = phi @ state + gamma_0[:, 0] * ground_acceleration[k - 1] + gamma_1[:, 0] * ground_acceleration[k]
-        response[k] = c @ state
-    return response
+    # The state is the motion at this step but for what the ground of this step adds, so that step 0 is at rest.
+    system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, c, c @ gamma_1)
+    lengths = [len(ground) for ground in ground_accelerations]
+    grounds = np.zeros((max(1, *lengths), len(lengths)))
+    for i, ground in enumerate(ground_accelerations):
+        grounds[: len(ground), i] = ground
+    simulation = LinearSimulation(system, -gamma_1 * grounds[:1])
+    parts = [simulation.advance(grounds[begin : begin + _CHUNK]) for begin in range(0, len(grounds), _CHUNK)]
+    responses = np.concatenate(parts, axis=-1)
+    return [response[:, :length].T for response, length in zip(responses, lengths, strict=True)]
 
 
 def nonlinear_reference_response(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,28 +103,103 @@ class ShearEstimator:
         self._filter.update_steadystate(measurement.floor_accelerations)
         return float(self._shear_row.dot(self._filter.x))
 
-    def state_space(self) -> DiscreteStateSpace:
-        """Return the stage as a linear system.
 
-        Returns
-        -------
-        DiscreteStateSpace
-            Inputs table acceleration, n floor accelerations [m/s²] and load cells [N]; output shear [N]. The state is
-            the estimate and the table acceleration of the step before.
-        """
-        kalman = self._filter
-        size, n = kalman.dim_x, kalman.dim_z
-        if self._from_load_cell:
-            load_cell = np.append(np.zeros(n + 1), 1.0)[None, :]
-            return DiscreteStateSpace(np.zeros((0, 0)), np.zeros((0, n + 2)), np.zeros((1, 0)), load_cell)
-        # Update after prediction: x + K (z − H x) with the predicted x.
-        correction = np.eye(size) - kalman.K @ kalman.H
-        before, now = (correction @ column[:, None] for column in self._input_matrix.T)
-        a = np.vstack((np.hstack((correction @ kalman.F, before)), np.zeros((1, size + 1))))
-        b = np.vstack((np.hstack((now, kalman.K, np.zeros((size, 1)))), np.eye(1, n + 2)))
-        # The shear is that of the new estimate, which is the state after this step.
-        shear = np.append(self._shear_row, 0.0)[None, :]
-        return DiscreteStateSpace(a, b, shear @ a, shear @ b)
+def estimator_state_space(
+    config: ShearEstimatorConfig, specimen: ShearBuilding, time_step: float
+) -> DiscreteStateSpace:
+    """Return the stage as a linear system.
+
+    Parameters
+    ----------
+    config : ShearEstimatorConfig
+        Source and noise levels.
+    specimen : ShearBuilding
+        Model of the experimental substructure, n floors.
+    time_step : float
+        Δt [s].
+
+    Returns
+    -------
+    DiscreteStateSpace
+        Inputs table acceleration, n floor accelerations [m/s²] and load cells [N]; output shear [N]. The state is the
+        estimate and the table acceleration of the step before.
+    """
+    size, n = 2 * specimen.stories, specimen.stories
+    if config.source == "load_cell":
+        load_cell = np.append(np.zeros(n + 1), 1.0)[None, :]
+        return DiscreteStateSpace(np.zeros((0, 0)), np.zeros((0, n + 2)), np.zeros((1, 0)), load_cell)
+    steady = steady_state_filter(config, specimen, time_step)
+    # Update after prediction: x + K (z − H x) with the predicted x.
+    correction = np.eye(size) - steady.gain @ steady.measurement
+    before, now = (correction @ column[:, None] for column in steady.input_matrix.T)
+    a = np.vstack((np.hstack((correction @ steady.transition, before)), np.zeros((1, size + 1))))
+    b = np.vstack((np.hstack((now, steady.gain, np.zeros((size, 1)))), np.eye(1, n + 2)))
+    # The shear is that of the new estimate, which is the state after this step.
+    shear = np.append(-np.asarray(specimen.masses) @ steady.measurement, 0.0)[None, :]
+    return DiscreteStateSpace(a, b, shear @ a, shear @ b)
+
+
+class SteadyStateFilter(NamedTuple):
+    """Kalman filter in its steady state. The state is displacements and velocities relative to the table.
+
+    Parameters
+    ----------
+    transition : ndarray, shape (2n, 2n)
+        F.
+    input_matrix : ndarray, shape (2n, 2)
+        For the table acceleration at the beginning and at the end of the step.
+    measurement : ndarray, shape (n, 2n)
+        H: absolute floor accelerations.
+    process_noise : ndarray, shape (2n, 2n)
+        Q.
+    measurement_noise : ndarray, shape (n, n)
+        R.
+    gain : ndarray, shape (2n, n)
+        K.
+    covariance : ndarray, shape (2n, 2n)
+        P after the update.
+    """
+
+    transition: FloatArray
+    input_matrix: FloatArray
+    measurement: FloatArray
+    process_noise: FloatArray
+    measurement_noise: FloatArray
+    gain: FloatArray
+    covariance: FloatArray
+
+
+def steady_state_filter(config: ShearEstimatorConfig, specimen: ShearBuilding, time_step: float) -> SteadyStateFilter:
+    """Return the Kalman filter for a specimen, by the discrete algebraic Riccati equation.
+
+    Parameters
+    ----------
+    config : ShearEstimatorConfig
+        Noise levels.
+    specimen : ShearBuilding
+        Model of the experimental substructure, n floors.
+    time_step : float
+        Δt [s].
+
+    Returns
+    -------
+    SteadyStateFilter
+
+    Notes
+    -----
+    Process noise is the noise of the table accelerometer, entering through the input, plus the unmodelled floor
+    accelerations, held over the step.
+    """
+    a, base_input, floors = specimen.relative_motion()
+    n = specimen.stories
+    phi, gamma_0, gamma_1 = first_order_hold(a, base_input, time_step)
+    _, unmodelled = zero_order_hold(a, np.vstack((np.zeros((n, n)), np.eye(n))), time_step)
+    inputs = np.hstack((gamma_0, gamma_1))
+    measurement_noise = config.sensor_noise**2 * np.eye(n)
+    process_noise = config.sensor_noise**2 * inputs @ inputs.T + config.model_error**2 * unmodelled @ unmodelled.T
+    prior = solve_discrete_are(phi.T, floors.T, process_noise, measurement_noise)
+    gain = np.linalg.solve(floors @ prior @ floors.T + measurement_noise, floors @ prior).T
+    return SteadyStateFilter(phi, inputs, floors, process_noise, measurement_noise, gain, prior - gain @ floors @ prior)
 
 
 def kalman_filter(
@@ -144,33 +219,16 @@ def kalman_filter(
     Returns
     -------
     filter : filterpy.kalman.KalmanFilter
-        State: displacements and velocities relative to the table (2n); measurement: absolute floor accelerations (n).
+        State and measurement as `SteadyStateFilter` has them.
     input_matrix : ndarray, shape (2n, 2)
         For the table acceleration at the beginning and at the end of the step.
-
-    Notes
-    -----
-    Process noise is the noise of the table accelerometer, entering through the input, plus the unmodelled floor
-    accelerations, held over the step.
     """
-    # filterpy brings scipy.stats, a second that the nodes without a filter need not wait.
+    # filterpy brings scipy.stats, a second that the nodes without a filter, and studies, need not wait.
     from filterpy.kalman import KalmanFilter
 
-    a, base_input, floors = specimen.relative_motion()
-    n = specimen.stories
-    phi, gamma_0, gamma_1 = first_order_hold(a, base_input, time_step)
-    _, unmodelled = zero_order_hold(a, np.vstack((np.zeros((n, n)), np.eye(n))), time_step)
-    input_matrix = np.hstack((gamma_0, gamma_1))
-    kalman = KalmanFilter(dim_x=2 * n, dim_z=n, dim_u=2)
-    kalman.x = np.zeros(2 * n)
-    kalman.F = phi
-    kalman.H = floors
-    kalman.R = config.sensor_noise**2 * np.eye(n)
-    kalman.Q = (
-        config.sensor_noise**2 * input_matrix @ input_matrix.T + config.model_error**2 * unmodelled @ unmodelled.T
-    )
-    prior = solve_discrete_are(kalman.F.T, kalman.H.T, kalman.Q, kalman.R)
-    innovation = kalman.H @ prior @ kalman.H.T + kalman.R
-    kalman.K = np.linalg.solve(innovation, kalman.H @ prior).T
-    kalman.P = prior - kalman.K @ kalman.H @ prior
-    return kalman, input_matrix
+    steady = steady_state_filter(config, specimen, time_step)
+    kalman = KalmanFilter(dim_x=2 * specimen.stories, dim_z=specimen.stories, dim_u=2)
+    kalman.x = np.zeros(2 * specimen.stories)
+    kalman.F, kalman.H, kalman.K, kalman.P = steady.transition, steady.measurement, steady.gain, steady.covariance
+    kalman.Q, kalman.R = steady.process_noise, steady.measurement_noise
+    return kalman, steady.input_matrix

@@ -43,6 +43,7 @@ def test_tracking_delay_finds_a_delay_between_the_samples(delay):
 
 def test_tracking_delay_of_nothing_is_nan():
     assert np.isnan(tracking_delay(np.zeros(100), np.ones(100), DT))
+    assert np.isnan(tracking_delay(np.ones(1), np.ones(1), DT))  # a limit has ended the run at its first steps
 
 
 def test_perfect_table_tracks_one_step_late_and_floors_are_compared_at_the_time_of_their_sensors():

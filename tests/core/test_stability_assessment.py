@@ -6,13 +6,15 @@ import math
 import numpy as np
 import pytest
 
+from bmd_rths_core.closed_loop import ClosedLoop, closed_loop
 from bmd_rths_core.config import Config
+from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop, sweep
 from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import confirm, free_growth
 from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval, loop_of
-from bmd_rths_core.stability.discrete import ClosedLoop, closed_loop, discrete_margin, with_mass_ratio
+from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.elements import Delay, MeasuredResponse
 from bmd_rths_core.stability.models import experimental_modes, numerical_oscillator, table_sections, uncoupled_modes
 from bmd_rths_core.stability.response_file import read_frequency_response
@@ -177,7 +179,8 @@ def test_sweep_passes_through_the_configured_system():
 def test_growth_of_a_rotation_is_its_radius(radius):
     turn = radius * np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
     a = np.array([[*turn[0], 5.0], [*turn[1], 0.0], [0.0, 0.0, 0.99]])
-    loop = ClosedLoop(a, np.array([0.0, 1.0, 1.0]), np.eye(3), np.zeros(3), ("x", "y", "z"))
+    system = DiscreteStateSpace(a, np.array([[0.0], [1.0], [1.0]]), np.eye(3), np.zeros((3, 1)))
+    loop = ClosedLoop(system, np.zeros(3), ("x", "y", "z"))
     assert free_growth(loop) == pytest.approx(radius, abs=1e-6)
 
 

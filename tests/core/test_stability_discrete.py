@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.linear_simulation import LinearSimulation
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction
-from bmd_rths_core.stability.discrete import closed_loop, configured_mass_ratio, discrete_margin, with_mass_ratio
+from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import EQUATION_9, experimental_building, numerical_building
 from tests.conftest import WITHOUT_LIMITS
@@ -67,6 +69,15 @@ def pulse(steps):
     return GroundMotion("pulse", DT, acceleration, "test", "0" * 64)
 
 
+def simulate(config, motion):
+    """Return the outputs of the assembled loop by name, without noise."""
+    loop = closed_loop(config)
+    ground = motion.acceleration[:, None]
+    noise = np.zeros((len(ground), loop.system.b.shape[1] - 1))
+    outputs = LinearSimulation(loop.system, np.outer(loop.start, ground[0])).advance(ground, noise)
+    return dict(zip(loop.outputs, outputs[0], strict=True))
+
+
 def growth_rate(config):
     """Return the growth of the response over its last quarter, per step."""
     # Long enough for the critical pair to outlive everything else, and not for it to pass the limit.
@@ -85,7 +96,9 @@ def test_linear_system_equals_the_loop_step_by_step(scheme, table, source):
     config = QUIET.changed(run__scheme=scheme, shear_estimator__source=source, **TABLES[table])
     motion = pulse(600)
     record = RthsLoop(config, motion).run()
-    for name, ours in closed_loop(config).simulate(motion.acceleration).items():
+    for name, ours in simulate(config, motion).items():
+        if name.startswith("displacement"):  # no signal of a record
+            continue
         floor = name.removeprefix("floor_")
         theirs = record.floor_accelerations[:, int(floor) - 1] if floor != name else getattr(record, name)
         assert np.abs(ours - theirs).max() <= 1e-10 * np.abs(theirs).max(), name
@@ -94,7 +107,7 @@ def test_linear_system_equals_the_loop_step_by_step(scheme, table, source):
 def test_linear_system_of_several_stories_equals_the_loop():
     config = QUIET.changed(**THREE_STORIES)
     record = RthsLoop(config, pulse(600)).run()
-    ours = closed_loop(config).simulate(pulse(600).acceleration)["corrected_force"]
+    ours = simulate(config, pulse(600))["corrected_force"]
     assert np.abs(ours - record.corrected_force).max() <= 1e-10 * np.abs(record.corrected_force).max()
 
 
@@ -103,7 +116,7 @@ def test_linear_system_of_an_explicit_integration_equals_the_loop(integration):
     """As long as no story yields, the bilinear stories are linear; P-Delta and modal damping are in the matrices."""
     config = QUIET.changed(**THREE_STORIES, **EXPLICIT[integration])
     record = RthsLoop(config, pulse(600)).run()
-    ours = closed_loop(config).simulate(pulse(600).acceleration)
+    ours = simulate(config, pulse(600))
     for name in ("desired_acceleration", "required_force", "corrected_force"):
         theirs = getattr(record, name)
         assert np.abs(ours[name] - theirs).max() <= 1e-10 * np.abs(theirs).max(), name
@@ -202,7 +215,7 @@ def test_full_correction_gain_is_not_stable_at_any_mass_ratio(scheme, source):
     """Decision 0003 goes deeper than noise: the pole at −1 leaves the unit circle with the first gram of specimen."""
     config = QUIET.changed(run__scheme=scheme, shear_estimator__source=source, force_correction__gain=1.0)
     assert discrete_margin(config).allowable_mass_ratio == 0.0
-    eigenvalues = np.linalg.eigvals(closed_loop(config).a)
+    eigenvalues = np.linalg.eigvals(closed_loop(config).system.a)
     alternating = eigenvalues[np.argmin(np.abs(eigenvalues + 1.0))]
     assert alternating.imag == 0.0
     assert -1.001 < alternating.real < -1.00001

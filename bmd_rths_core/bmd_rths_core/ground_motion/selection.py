@@ -86,7 +86,31 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
         The record cannot be read, its component or unit is missing, its time step and Δt do not divide each other,
         or it is shorter than its fade-in.
     """
-    motion = read_ground_motion(config.record, config.component, config.unit)
+    return prepare_ground_motion(read_ground_motion(config.record, config.component, config.unit), config, time_step)
+
+
+def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time_step: float) -> GroundMotion:
+    """Return a record that has been read as `select_ground_motion` does.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+        The record.
+    config : GroundMotionConfig
+        What is asked for.
+    time_step : float
+        Δt of the loop [s].
+
+    Returns
+    -------
+    GroundMotion
+        One sample a step.
+
+    Raises
+    ------
+    InputError
+        It is shorter than asked for, or its time step and Δt do not divide each other.
+    """
     if config.duration > 0.0:
         motion = truncate(motion, config.duration)
     motion = resample(motion, time_step)

@@ -8,13 +8,13 @@ from enum import Enum
 
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
-from bmd_rths_core.safety.motion import REST, stopping_range
+from bmd_rths_core.safety.motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 
 #: Time constant of the mean difference between measured and commanded displacement [s].
-_OFFSET_TIME = 1.0
+OFFSET_TIME = 1.0
 
 
 class State(Enum):
@@ -60,7 +60,7 @@ class SafetySupervisor:
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
-        self._offset_share = min(1.0, time_step / _OFFSET_TIME)
+        self._offset_share = min(1.0, time_step / OFFSET_TIME)
         self.reset()
 
     def reset(self) -> None:
@@ -75,6 +75,25 @@ class SafetySupervisor:
         self._last_measured = -1
         self._plan: list[float] | None = None
         self._measurement_check.reset()
+
+    def resume(self, step: int, motion: Motion, offset: float, tracking_mean_square: float) -> None:
+        """Take up a test in the middle, none of whose limits was passed and none of whose sensors was lost.
+
+        Parameters
+        ----------
+        step : int
+            The step that comes next.
+        motion : Motion
+            Integral of the commands until then.
+        offset : float
+            Slow difference of the measured displacement to it [m].
+        tracking_mean_square : float
+            Mean square of the tracking error [m²/s⁴].
+        """
+        self.reset()
+        self._motion, self._offset = motion, offset
+        self._last_step = self._last_measured = step - 1
+        self._measurement_check.resume(tracking_mean_square)
 
     @property
     def trips(self) -> tuple[Trip, ...]:

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bmd_rths_core.closed_loop import ClosedLoop, closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.stability.continuous import StabilityMargin
-from bmd_rths_core.stability.discrete import ClosedLoop, closed_loop, with_mass_ratio
+from bmd_rths_core.stability.discrete import with_mass_ratio
 
 #: Parts of the margin at which the loop is simulated.
 BELOW, ABOVE = 0.99, 1.01
@@ -76,11 +77,12 @@ def free_growth(loop: ClosedLoop) -> float:
     Every step is simulated, a window of them in one product: the shear of step j of a window is a row of Aʲ times the
     state at its beginning. No eigenvalue is used.
     """
-    rows = [np.eye(1, len(loop.a))[0]]
+    a, impulse = loop.system.a, loop.system.b[:, 0]
+    rows = [np.eye(1, len(a))[0]]
     for _ in range(_WINDOW - 1):
-        rows.append(rows[-1] @ loop.a)
-    shears, window = np.array(rows), np.linalg.matrix_power(loop.a, _WINDOW)
-    state, growth = loop.b / np.linalg.norm(loop.b), 0.0
+        rows.append(rows[-1] @ a)
+    shears, window = np.array(rows), np.linalg.matrix_power(a, _WINDOW)
+    state, growth = impulse / np.linalg.norm(impulse), 0.0
     state = state / np.abs(shears @ state).max()
     for k in range(_WINDOWS):
         state = window @ state

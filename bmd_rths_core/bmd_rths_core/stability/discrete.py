@@ -8,26 +8,18 @@ stages themselves (their ``state_space()``).
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.assembly import (
-    make_command_shaper,
-    make_force_correction,
-    make_numerical_substructure,
-    make_shear_estimator,
-)
+from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
-from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.shear_building import mass_ratio
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
 from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass
 from bmd_rths_core.stability.unit_circle import transfer_function
-from bmd_rths_core.table.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
 
@@ -36,114 +28,8 @@ FloatArray = NDArray[np.float64]
 _FIRST_ANGLES = np.linspace(1e-6, np.pi, 129)
 #: Critical ratios nearer to each other than this, relatively, count as one.
 _SAME_RATIO = 1e-9
-
-
-@dataclass(frozen=True)
-class ClosedLoop:
-    """The assembled loop, x[k+1] = A x[k] + B a_g[k], y[k] = C x[k] + D a_g[k].
-
-    Parameters
-    ----------
-    a : ndarray, shape (n, n)
-    b : ndarray, shape (n,)
-    c : ndarray, shape (p, n)
-    d : ndarray, shape (p,)
-    outputs : tuple of str
-        Names of the p outputs, those of `RunRecord`; floors are ``floor_1`` and so on.
-    """
-
-    a: FloatArray
-    b: FloatArray
-    c: FloatArray
-    d: FloatArray
-    outputs: tuple[str, ...]
-
-    @property
-    def spectral_radius(self) -> float:
-        """Largest modulus of the eigenvalues; the loop is stable below 1."""
-        return float(np.abs(np.linalg.eigvals(self.a)).max())
-
-    def simulate(self, ground_acceleration: FloatArray) -> dict[str, FloatArray]:
-        """Run the linear system from rest.
-
-        Parameters
-        ----------
-        ground_acceleration : ndarray, shape (N,)
-            a_g at the steps [m/s²]; the first should be 0, see `NumericalSubstructure.state_space`.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (N,)
-            The outputs by name.
-        """
-        state = np.zeros(len(self.a))
-        rows = np.empty((len(ground_acceleration), len(self.outputs)))
-        for k, acceleration in enumerate(ground_acceleration.tolist()):
-            rows[k] = self.c @ state + self.d * acceleration
-            state = self.a @ state + self.b * acceleration
-        return {name: rows[:, i] for i, name in enumerate(self.outputs)}
-
-
-def closed_loop(config: Config) -> ClosedLoop:
-    """Assemble the loop of a configuration, with the simulated table.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration; noise and limits do not matter here.
-
-    Returns
-    -------
-    ClosedLoop
-
-    Notes
-    -----
-    Whatever controller is configured, its table is the simulated one, which for a real table is its identified model. A
-    yielding numerical substructure is taken as linear about rest, with its own integration.
-    """
-    specimen, step = config.specimen.building(), config.run.time_step
-    table = SimulatedTable(config.simulated_table, specimen, step, config.run.seed)
-    stages = {
-        "numerical": make_numerical_substructure(config).state_space(),
-        "shaper": make_command_shaper(config).state_space(),
-        "table": table.state_space(),
-        "estimator": make_shear_estimator(config).state_space(),
-        "correction": make_force_correction(config).state_space(),
-    }
-    # A signal is a row: what it takes of the state of the loop and, last, of the ground acceleration. The first state
-    # is the shear fed back, the others are those of the stages.
-    size = 1 + sum(len(stage.a) for stage in stages.values())
-    feedback, ground = np.eye(1, size + 1), np.eye(1, size + 1, size)
-    own, begin = {}, 1
-    for name, stage in stages.items():
-        own[name] = np.eye(len(stage.a), size + 1, begin)
-        begin += len(stage.a)
-    following: dict[str, FloatArray] = {}
-
-    def run(name: str, *inputs: FloatArray) -> FloatArray:
-        stage: DiscreteStateSpace = stages[name]
-        signals = np.vstack(inputs)
-        following[name] = stage.a @ own[name] + stage.b @ signals
-        return stage.c @ own[name] + stage.d @ signals
-
-    response = run("numerical", ground, feedback)
-    command = run("shaper", response[:1])
-    sensors = run("table", command)
-    shear = run("estimator", sensors)
-    corrected = run("correction", response[1:], shear)
-    transition = np.vstack((corrected, *(following[name] for name in stages)))
-    output = np.vstack((response, command, sensors, shear, corrected))
-    floors = tuple(f"floor_{i + 1}" for i in range(len(config.specimen.masses)))
-    return ClosedLoop(
-        a=transition[:, :-1],
-        b=transition[:, -1],
-        c=output[:, :-1],
-        d=output[:, -1],
-        outputs=(
-            *("desired_acceleration", "required_force", "command", "table_acceleration"),
-            *(*floors, "base_shear", "interface_force", "corrected_force"),
-        ),
-    )
+#: A share of the shear below this is none but for rounding.
+_NO_SHARE = 1e-12
 
 
 def with_mass_ratio(config: Config, ratio: float) -> Config:
@@ -273,7 +159,7 @@ def _stable_intervals(
 
 def _opened(config: Config) -> tuple[FloatArray, FloatArray]:
     """Return A₀, the loop with no shear fed back, and cᵀ, what of its state the whole shear is."""
-    whole, half = (closed_loop(with_feedback_scale(config, scale)).a for scale in (1.0, 0.5))
+    whole, half = (closed_loop(with_feedback_scale(config, scale)).system.a for scale in (1.0, 0.5))
     feedback = 2.0 * (whole - half)[0]
     open_loop = whole.copy()
     open_loop[0] -= feedback
@@ -299,7 +185,7 @@ def _critical_shares(open_loop: FloatArray, feedback: FloatArray, highest: float
     shares, angles = 1.0 / values[reached], angles[reached]
     order = np.argsort(shares)
     shares, angles = shares[order], angles[order]
-    apart = np.diff(shares, prepend=0.0) > _SAME_RATIO * shares
+    apart = np.diff(shares, prepend=0.0) > np.maximum(_SAME_RATIO * shares, _NO_SHARE)
     return shares[apart], angles[apart]
 
 

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import specs
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
 from bmd_rths_core.stability.assessment import Assessment, assess
-from bmd_rths_core.stability.discrete import closed_loop
 from bmd_rths_core.table.dynamics import SECTION_LENGTH
 
 #: Relative change of every parameter.
@@ -176,5 +176,5 @@ def _probe(config: Config, options: AnalysisOptions) -> NDArray[np.complex128]:
     loops = (paper_loop(config, options), complete_loop(config, options))
     numbers = [loop.response(_PROBE, 0.5) for loop in loops]
     if options.measured_table is None:
-        numbers.append(closed_loop(config).a.ravel().astype(complex))
+        numbers.append(closed_loop(config).system.a.ravel().astype(complex))
     return np.concatenate(numbers)

@@ -216,17 +216,22 @@ class SimulatedTable:
         """Return nothing: a model has no connection."""
         return {}
 
-    def state_space(self) -> DiscreteStateSpace:
-        """Return table and specimen as a linear system, without noise, quantisation and table displacement.
+    def state_space(self, displacement: bool = False) -> DiscreteStateSpace:
+        """Return table and specimen as a linear system, without noise and quantisation.
+
+        Parameters
+        ----------
+        displacement : bool
+            With the two integrators of the table displacement, which nothing depends on and which are not stable.
 
         Returns
         -------
         DiscreteStateSpace
-            Input acceleration command; outputs accelerations of table and n floors [m/s²] and base shear [N]. The
-            state is that of the model without the two integrators of the displacement, which nothing depends on, and
-            the past commands, the newest first.
+            Input acceleration command; outputs accelerations of table and n floors [m/s²], base shear [N], and with
+            the displacement that [m] and the actuator force [N]. The state is that of the model and the past commands,
+            the newest first.
         """
-        size, past = len(self._phi) - 2, self._delay_steps + 1
+        size, past = len(self._phi) - (0 if displacement else 2), self._delay_steps + 1
         # Commands that act in the second and in the first part of this step, of the past ones and the present one.
         commands = np.eye(past + 1)
         newer, older = commands[self._delay_steps], commands[past]
@@ -236,10 +241,14 @@ class SimulatedTable:
         a[:size, :size] = self._phi[:size, :size]
         b[:size], a[:size, size:] = of_commands[:, :1], of_commands[:, 1:]
         b[size:], a[size:, size:] = commands[:past, :1], commands[:past, 1:]
-        sensors = np.vstack((np.eye(len(self._masses) + 1), np.append(0.0, -self._masses)))
+        # What the sensors see of table, floors and displacement.
+        sensors = np.vstack((np.eye(len(self._masses) + 1, len(self._masses) + 2), [0.0, *-self._masses, 0.0]))
+        if displacement:
+            force = [self._platen_mass, *self._masses, 0.0]
+            sensors = np.vstack((sensors, np.eye(1, len(force), len(force) - 1), force))
         # The sensors are read at the end of the step, when the state is the next one.
-        of_state = sensors @ self._output[:-1, :size]
-        of_command = np.outer(sensors @ self._feedthrough[:-1], newer)
+        of_state = sensors @ self._output[:, :size]
+        of_command = np.outer(sensors @ self._feedthrough, newer)
         return DiscreteStateSpace(
             a=a,
             b=b,

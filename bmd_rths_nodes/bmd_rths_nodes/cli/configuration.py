@@ -103,13 +103,15 @@ _OPTIONS = {
 }
 
 
-def configured(*names: str) -> Callable[[Command], Command]:
+def configured(*names: str, default: str | None = None) -> Callable[[Command], Command]:
     """Give a command CONFIG, ``--model``, ``--set`` and some options more, as its first argument, a `ConfigChoice`.
 
     Parameters
     ----------
     *names : str
         Some of ``scheme``, ``motion``, ``component`` and ``table``.
+    default : str, optional
+        CONFIG when it is left out; without, it is required.
 
     Returns
     -------
@@ -124,7 +126,7 @@ def configured(*names: str) -> Callable[[Command], Command]:
             return command(ConfigChoice(config, models=models, settings=settings, **chosen), **options)
 
         decorators = (
-            click.argument("config", metavar="CONFIG"),
+            click.argument("config", metavar="CONFIG" if default is None else "[CONFIG]", default=default),
             *(_OPTIONS[name] for name in names),
             click.option(
                 "--model",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import os
 import sys
 from typing import Any
 
@@ -14,7 +15,7 @@ from bmd_rths_core.version import __version__
 from bmd_rths_nodes.cli.options import log
 
 #: Commands in the order of the help; each is the function of its name in the module of its name.
-COMMANDS = ("run", "simulate", "stability", "identify", "analyze", "figures", "motions", "emulate")
+COMMANDS = ("run", "simulate", "campaign", "stability", "identify", "analyze", "figures", "motions", "emulate")
 
 
 class LazyGroup(click.Group):
@@ -28,6 +29,8 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
+        if cmd_name == "campaign":  # before numpy is imported: with its small matrices threads wait for each other
+            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         command: Any = getattr(importlib.import_module(f"bmd_rths_nodes.cli.{cmd_name}"), cmd_name)
         return command
 

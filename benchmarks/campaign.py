@@ -1,0 +1,170 @@
+"""Time of the paper's campaign, 13 earthquakes with 4 schemes, against real time and two other ways to compute it.
+
+- *this project*: `bmd-rths campaign` as it is used, from the start of the program to its end;
+- *stage by stage*: the same runs by `RthsLoop`, one step after the other in NumPy, in one process;
+- *scipy*: the assembled linear loop by `scipy.signal.dlsim`, without limits, references and errors, in one process.
+
+The others are timed for some records only (all with --full) and scaled by simulated time. Real records are needed:
+
+    BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py
+    BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py --full
+    BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py --json
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+import numpy as np
+from scipy.signal import dlsim
+
+from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
+from bmd_rths_core.closed_loop import closed_loop
+from bmd_rths_core.config import Config, load_config
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.schemes import SCHEME_NAMES
+
+CONFIG = Path(__file__).parents[1] / "config" / "simplified_bmd.yaml"
+#: One record for every event of the paper, which names no stations: file, component, unit. Where there are several it
+#: is the strongest horizontal one that keeps within the stroke of the table at 1 m/s². The records of Kumamoto do not:
+#: the mainshock at KMMH16 and the foreshock are stopped by the displacement limit, the foreshock after 76 s, and stays.
+RECORDS = (
+    "Cape_Mendocino/RSN828_CAPEMEND_PET090.AT2",
+    "Chi-Chi/RSN1197_CHICHI_CHY028-N.AT2",
+    "Christchurch/RSN8123_CCHURCH_REHSS88E.AT2",
+    "Chuetsu-oki/RSN4856_CHUETSU_65025EW.AT2",
+    "Darfield/RSN6911_DARFIELD_HORCS72E.AT2",
+    "El_Centro/RSN6_IMPVALL.I_I-ELC180-hor1.AT2",
+    "Kobe/RSN1106_KOBE_KJM000.AT2",
+    "Kumamoto/Q4149CF2.csv,NS",
+    "Montenegro/RSN4457.json,y,g",
+    "Morgan_Hill/MorganAccelNoScaling.mat,,m/s2",
+    "Northridge/RSN1044_NORTHR_NWH360.AT2",
+    "Parkfield/RSN30_PARKF_C05085.AT2",
+    "Taipei/TAP017-E.AT2",
+)
+#: Which of them the others are timed with, and with which scheme.
+SAMPLE, SAMPLE_SCHEME = (0, 5, 8), "plc_fc"
+REPEATS = 3
+
+
+def write_list(folder: Path) -> Path:
+    records = os.environ.get("BMD_RTHS_GROUND_MOTIONS")
+    if records is None:
+        raise click.UsageError("BMD_RTHS_GROUND_MOTIONS: not set; the folder of the real records is required")
+    path = folder / "records.csv"
+    path.write_text("".join(f"{Path(records).absolute() / line}\n" for line in RECORDS))
+    return path
+
+
+def campaign(motions: Path, output: Path) -> tuple[float, float, list[dict]]:
+    """Return wall time, time on the processors, and the runs."""
+    command = [sys.executable, "-m", "bmd_rths_nodes.cli.main", "campaign", str(CONFIG), "--json"]
+    begin, before = time.perf_counter(), os.times()
+    finished = subprocess.run(
+        [*command, "--motions", str(motions), "--output", str(output)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    after = os.times()
+    busy = after.children_user + after.children_system - before.children_user - before.children_system
+    return time.perf_counter() - begin, busy, json.loads(finished.stdout)["runs"]
+
+
+def stage_by_stage(config: Config, motion: GroundMotion) -> tuple[float, float, int]:
+    """Return wall time, time on the processor, and steps."""
+    begin, before = time.perf_counter(), time.process_time()
+    record = RthsLoop(config, motion).run()
+    return time.perf_counter() - begin, time.process_time() - before, record.steps
+
+
+def by_scipy(config: Config, motion: GroundMotion) -> tuple[float, float, int]:
+    """Return the same of the assembled loop."""
+    begin, before = time.perf_counter(), time.process_time()
+    loop = closed_loop(config, displacement=True)
+    noise = np.random.default_rng(config.run.seed).standard_normal((motion.steps, loop.system.b.shape[1] - 1))
+    inputs = np.column_stack((motion.acceleration, noise))
+    dlsim((*loop.system, config.run.time_step), inputs, x0=loop.start * motion.acceleration[0])
+    return time.perf_counter() - begin, time.process_time() - before, motion.steps
+
+
+def others(config: Config, motions: Sequence[CampaignMotion], full: bool) -> dict[str, dict[str, float]]:
+    """Return seconds per simulated second of the two other ways."""
+    cases = [(m, s) for m in motions for s in SCHEME_NAMES] if full else [(motions[i], SAMPLE_SCHEME) for i in SAMPLE]
+    result = {}
+    for name, run in (("stage by stage", stage_by_stage), ("scipy", by_scipy)):
+        timed = []
+        for motion, scheme in cases:
+            changes = {"ground_motion__record": motion.record, "run__scheme": scheme}
+            changes |= {"ground_motion__component": motion.component, "ground_motion__unit": motion.unit}
+            changed = config.changed(**changes)
+            timed.append(run(changed, select_ground_motion(changed.ground_motion, config.run.time_step)))
+        simulated = sum(steps for _, _, steps in timed) * config.run.time_step
+        wall, busy = (sum(entry[i] for entry in timed) / simulated for i in (0, 1))
+        result[name] = {"wall_per_second": wall, "busy_per_second": busy}
+    return result
+
+
+@click.command()
+@click.option("--full", is_flag=True, help="Time the others with all 52 runs.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def main(full: bool, as_json: bool) -> None:
+    """Compare the times."""
+    config = load_config(CONFIG)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_list(Path(folder))
+        motions = read_motions(path).motions
+        # Before and after the others, so that a busy minute does not fall on one of them alone.
+        timed = [campaign(path, Path(folder) / str(i)) for i in range(REPEATS)]
+        rates = others(config, motions, full)
+        timed += [campaign(path, Path(folder) / str(REPEATS + i)) for i in range(REPEATS)]
+    runs = timed[0][2]
+    simulated = sum(run["steps"] for run in runs) * config.run.time_step
+    wall, busy = (statistics.median(entry[i] for entry in timed) for i in (0, 1))
+    result = {
+        "runs": len(runs),
+        "simulated_s": simulated,
+        "engines": sorted({run["engine"] for run in runs}),
+        "wall_s": wall,
+        "best_wall_s": min(entry[0] for entry in timed),
+        "busy_s": busy,
+        "load_average": os.getloadavg()[0],
+        "times_faster_than_real_time": simulated / wall,
+        "others": {
+            name: {
+                "wall_s": rate["wall_per_second"] * simulated,
+                "wall_ratio": rate["wall_per_second"] * simulated / wall,
+                "busy_ratio": rate["busy_per_second"] * simulated / busy,
+            }
+            for name, rate in rates.items()
+        },
+    }
+    if as_json:
+        print(json.dumps(result))
+        return
+    print(f"{len(runs)} runs, {simulated:.0f} s simulated, load average {result['load_average']:.1f}")
+    print(
+        f"campaign, whole command: {wall:.2f} s (best {result['best_wall_s']:.2f} s, on the processors {busy:.2f} s):"
+        f" {simulated / wall:.0f} times faster than real time"
+    )
+    for name, other in result["others"].items():
+        print(
+            f"{name}, one process: {other['wall_s']:.1f} s, x {other['wall_ratio']:.1f};"
+            f" time on the processors x {other['busy_ratio']:.1f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+"""Run a configuration under many ground motions: as one linear system where that is exact, else stage by stage."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.campaign.limits import SCREENED, LimitEnd, LimitScreen, SignalChunk
+from bmd_rths_core.closed_loop import closed_loop
+from bmd_rths_core.config import Config
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.ground_motion.selection import GroundMotionConfig
+from bmd_rths_core.linear_simulation import LinearSimulation
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.record import RunRecord, empty_signals, provenance
+
+FloatArray = NDArray[np.float64]
+
+#: Steps after which unstable runs are taken out.
+_CHUNK = 2048
+#: Signals of the command shaper and before: known of the step whose command was refused.
+_BEFORE_THE_TABLE = ("ground_acceleration", "desired_acceleration", "required_force", "command")
+
+
+class SelectedMotion(NamedTuple):
+    """A ground motion of a test and how it was selected.
+
+    Parameters
+    ----------
+    selection : GroundMotionConfig
+        Section of the configuration.
+    motion : GroundMotion
+        One sample a step.
+    """
+
+    selection: GroundMotionConfig
+    motion: GroundMotion
+
+
+class CampaignRun(NamedTuple):
+    """A run and how it was computed.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run, as `RthsLoop` gives it.
+    engine : str
+        ``"linear"``: as one linear system, equal to `RthsLoop` but for rounding; ``"stages"``: by `RthsLoop`.
+    """
+
+    record: RunRecord
+    engine: str
+
+
+def is_linear(config: Config) -> bool:
+    """Tell whether the loop of a configuration is a linear system until a limit ends it.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    return config.nonlinear.integration == "exact" and config.simulated_table.acceleration_resolution == 0.0
+
+
+def run_motions(config: Config, motions: Sequence[SelectedMotion]) -> list[CampaignRun]:
+    """Run one configuration under many ground motions, with the simulated table.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration; the section of the ground motion is replaced by that of each motion.
+    motions : sequence of SelectedMotion
+        The ground motions.
+
+    Returns
+    -------
+    list of CampaignRun
+        In the order of the motions. Signals, outcome and reason are those of `RthsLoop`.
+    """
+    if not is_linear(config) or not motions:
+        return [_by_stages(config, selected) for selected in motions]
+    group = _LinearGroup(config, [selected.motion for selected in motions])
+    group.run()
+    runs = []
+    for i, selected in enumerate(motions):
+        record = group.record(i, _under(config, selected))
+        # Where the values overflow, the order of the operations decides.
+        overflow = record.reason.startswith("safety.non_finite_action")
+        runs.append(_by_stages(config, selected) if overflow else CampaignRun(record, "linear"))
+    return runs
+
+
+class _LinearGroup:
+    """The runs of one linear loop, advanced together chunk by chunk."""
+
+    def __init__(self, config: Config, motions: Sequence[GroundMotion]) -> None:
+        self._config, self._motions = config, motions
+        self._loop = closed_loop(config, displacement=True)
+        self._rows = {name: row for row, name in enumerate(self._loop.outputs)}
+        self._floors = slice(self._rows["floor_1"], self._rows["base_shear"])
+        self._displacements = slice(self._rows["displacement_1"], None)
+        self._outputs = [np.empty((len(self._rows), motion.steps)) for motion in motions]
+        self._ends = [LimitEnd(motion.steps, motion.steps, "") for motion in motions]
+
+    def run(self) -> None:
+        """Advance all runs to their ends."""
+        active = np.arange(len(self._motions))
+        steps = np.array([motion.steps for motion in self._motions])
+        first = np.array([motion.acceleration[0] for motion in self._motions])
+        simulation = LinearSimulation(self._loop.system, np.outer(self._loop.start, first))
+        screen = LimitScreen(self._config, len(active))
+        random = np.random.default_rng(self._config.run.seed)
+        begin = 0
+        while len(active):
+            length = min(_CHUNK, int(steps[active].max()) - begin)
+            noise = random.standard_normal((length, self._loop.system.b.shape[1] - 1))
+            outputs = simulation.advance(self._ground(active, begin, length), noise)
+            for i, output in zip(active, outputs, strict=True):
+                kept = self._outputs[i][:, begin : begin + length]
+                kept[:] = output[:, : kept.shape[1]]
+            ends = screen.ends(self._chunk(begin, np.minimum(steps[active] - begin, length), outputs))
+            begin += length
+            goes_on = steps[active] > begin
+            for k, end in ends.items():
+                self._ends[active[k]] = end
+                goes_on[k] = False
+            active = active[goes_on]
+            simulation.keep(goes_on)
+            screen.keep(goes_on)
+
+    def record(self, i: int, config: Config) -> RunRecord:
+        """Return a finished run."""
+        motion, end = self._motions[i], self._ends[i]
+        outputs = self._outputs[i]
+        sources = {name: outputs[row] for name, row in self._rows.items()}
+        sources |= {"ground_acceleration": motion.acceleration, "floor_accelerations": outputs[self._floors].T}
+        sources["applied_command"] = sources["command"]
+        signals: dict[str, Any] = dict(empty_signals(end.steps, len(config.specimen.masses)))
+        for name, signal in signals.items():
+            known = end.steps if name in _BEFORE_THE_TABLE else end.measured
+            signal[:known] = sources[name][:known]
+        return RunRecord(
+            time_step=config.run.time_step,
+            outcome="limit" if end.reason else "finished",
+            reason=end.reason or "end of the ground motion",
+            **signals,
+            **provenance(config.as_mapping(), motion),
+        )
+
+    def _ground(self, active: NDArray[np.intp], begin: int, length: int) -> FloatArray:
+        ground = np.zeros((length, len(active)))
+        for column, i in enumerate(active):
+            part = self._motions[i].acceleration[begin : begin + length]
+            ground[: len(part), column] = part
+        return ground
+
+    def _chunk(self, begin: int, lengths: NDArray[np.intp], outputs: FloatArray) -> SignalChunk:
+        signals = {name: outputs[:, self._rows[name]] for name in SCREENED}
+        return SignalChunk(begin, lengths, signals, outputs[:, self._floors], outputs[:, self._displacements])
+
+
+def _under(config: Config, selected: SelectedMotion) -> Config:
+    return dataclasses.replace(config, ground_motion=selected.selection)
+
+
+def _by_stages(config: Config, selected: SelectedMotion) -> CampaignRun:
+    return CampaignRun(RthsLoop(_under(config, selected), selected.motion).run(), "stages")

@@ -1,0 +1,102 @@
+"""`StabilityIndicator` of many runs at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.discretisation import DiscreteStateSpace
+from bmd_rths_core.linear_simulation import LinearSimulation
+from bmd_rths_core.nonlinear_building import nonlinear_building
+
+FloatArray = NDArray[np.float64]
+
+
+class IndicatorScreen:
+    """The stability indicator as an array operation; equations and symbols as in `StabilityIndicator`.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration of all runs.
+    runs : int
+        Number of runs m.
+    """
+
+    def __init__(self, config: Config, runs: int) -> None:
+        building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
+        self._masses, self._damping = building.masses, building.damping_matrix
+        self._time_step = config.run.time_step
+        self._floor = float(self._masses.sum()) * config.safety.stability_floor**2
+        self._power = running_mean(self._time_step, config.safety.stability_time, runs)
+        self._energy = running_mean(self._time_step, config.safety.stability_time, runs)
+        self._displacements = np.zeros((runs, len(self._masses), 3))
+        self._forces = np.zeros((runs, 4))
+        self._value = np.zeros((runs, 1))
+
+    def keep(self, runs: NDArray[np.bool_]) -> None:
+        """Go on with some of the runs only.
+
+        Parameters
+        ----------
+        runs : ndarray of bool, shape (m,)
+            True for those that go on.
+        """
+        self._power.keep(runs)
+        self._energy.keep(runs)
+        self._displacements, self._forces = self._displacements[runs], self._forces[runs]
+        self._value = self._value[runs]
+
+    def state(self) -> tuple[FloatArray, ...]:
+        """Return the last three displacements (m, n, 3), the last four corrected forces (m, 4), power, energy, value.
+
+        The newest come last. The last corrected force has not acted yet.
+        """
+        return self._displacements, self._forces, self._power.state, self._energy.state, self._value
+
+    def advance(self, corrected_force: FloatArray, displacements: FloatArray) -> FloatArray:
+        """Return the indicator at the next steps.
+
+        Parameters
+        ----------
+        corrected_force : ndarray, shape (m, N)
+            Shear fed back [N], which acts at the step after.
+        displacements : ndarray, shape (m, n, N)
+            Of the numerical substructure [m].
+
+        Returns
+        -------
+        ndarray, shape (m, N)
+        """
+        step = self._time_step
+        displacements = np.concatenate((self._displacements, displacements), axis=-1)
+        forces = np.hstack((self._forces, corrected_force))
+        self._displacements, self._forces = displacements[..., -3:], forces[:, -4:]
+        jerk = np.diff(displacements, n=3, axis=-1) / step**3
+        force = 0.5 * (forces[:, 3:-1] - forces[:, 2:-2] - forces[:, 1:-3] + forces[:, :-4]) / step**2
+        power = force * jerk[:, -1] - np.sum(jerk * (self._damping @ jerk), axis=1)
+        mean_power = self._power.advance(power.T)[:, 0]
+        mean_energy = self._energy.advance((self._masses @ (jerk * jerk)).T)[:, 0]
+        # max(0, …) at every step: the sum less the smallest that it has been, where that is negative.
+        total = self._value + np.cumsum(step * mean_power / (mean_energy + self._floor), axis=-1)
+        value = total - np.minimum(0.0, np.minimum.accumulate(total, axis=-1))
+        self._value = value[:, -1:]
+        return np.asarray(value)
+
+
+def running_mean(time_step: float, time: float, runs: int) -> LinearSimulation:
+    """Return the means of the safety package, ȳ += share (u − ȳ), for many runs.
+
+    Parameters
+    ----------
+    time_step : float
+        Δt [s].
+    time : float
+        Time constant [s].
+    runs : int
+        Number of runs.
+    """
+    share = min(1.0, time_step / time)
+    rest, new = np.array([[1.0 - share]]), np.array([[share]])
+    return LinearSimulation(DiscreteStateSpace(rest, new, rest, new), np.zeros((1, runs)))

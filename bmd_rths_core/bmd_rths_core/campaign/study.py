@@ -1,0 +1,261 @@
+"""The plan of a campaign: every motion with every scheme and variation, cut into pieces that run at once."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from bmd_rths_core.campaign.engine import CampaignRun, SelectedMotion, run_motions
+from bmd_rths_core.campaign.motions import CampaignMotion
+from bmd_rths_core.campaign.paper_tables import event_of
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.selection import prepare_ground_motion
+from bmd_rths_core.metrics import compare, references_of
+from bmd_rths_core.version import __version__
+
+#: Most motions of a piece: enough to be fast together, few enough to be shared among processes.
+PIECE = 4
+
+#: What a campaign varies by other means: parameter, and how.
+_RESERVED = {
+    "run.scheme": "--schemes",
+    "ground_motion.record": "--motions",
+    "ground_motion.component": "--motions",
+    "ground_motion.unit": "--motions",
+}
+
+
+class PlannedRun(NamedTuple):
+    """One run of a campaign.
+
+    Parameters
+    ----------
+    key : str
+        What the run is: hash of configuration, record and version of this project.
+    scheme : str
+        Compensation scheme.
+    motion : int
+        Index of the motion in its piece.
+    """
+
+    key: str
+    scheme: str
+    motion: int
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Runs that are computed together: some motions under one variation, with every scheme.
+
+    Parameters
+    ----------
+    config : Config
+        Configuration of the variation.
+    variation : Mapping of str to object
+        What was varied, by ``section.key``.
+    motions : tuple of CampaignMotion
+        The motions.
+    runs : tuple of PlannedRun
+        The runs, those of a scheme beside each other.
+    """
+
+    config: Config
+    variation: Mapping[str, object]
+    motions: tuple[CampaignMotion, ...]
+    runs: tuple[PlannedRun, ...]
+
+
+class FinishedRun(NamedTuple):
+    """A run and what is told about it.
+
+    Parameters
+    ----------
+    result : dict
+        Plain values, see `result_of_run`.
+    run : CampaignRun
+        The run itself.
+    """
+
+    result: dict[str, Any]
+    run: CampaignRun
+
+
+@dataclass(frozen=True)
+class Study:
+    """A campaign: every motion, scheme and variation of one configuration.
+
+    Parameters
+    ----------
+    config : Config
+        Configuration of what is not varied; the table is the simulated one.
+    motions : sequence of CampaignMotion
+        The ground motions.
+    schemes : sequence of str
+        The compensation schemes.
+    vary : Mapping of str to sequence
+        Values of every parameter that is varied, by ``section.key``; all combinations are run.
+
+    Raises
+    ------
+    InputError
+        A parameter is unknown or not to be varied, or a value is not allowed.
+    """
+
+    config: Config
+    motions: Sequence[CampaignMotion]
+    schemes: Sequence[str]
+    vary: Mapping[str, Sequence[object]] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check every value that is varied, by itself."""
+        for name, values in self.vary.items():
+            if name in _RESERVED:
+                raise InputError(f"--vary {name}: is varied by {_RESERVED[name]}")
+            for value in values:
+                _varied(self.config, {name: value})
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        combinations = 1
+        for values in self.vary.values():
+            combinations *= len(values)
+        return combinations * len(self.schemes) * len(self.motions)
+
+    def pieces(self) -> Iterator[Piece]:
+        """Return the study in pieces, one after the other.
+
+        Yields
+        ------
+        Piece
+            With at least one run.
+        """
+        for values in itertools.product(*self.vary.values()):
+            variation = dict(zip(self.vary, values, strict=True))
+            config = _varied(self.config, variation)
+            hashes = {scheme: _configuration_hash(with_scheme(config, scheme)) for scheme in self.schemes}
+            for begin in range(0, len(self.motions), PIECE):
+                motions = tuple(self.motions[begin : begin + PIECE])
+                runs = (
+                    PlannedRun(_run_key(hashes[scheme], motion), scheme, i)
+                    for scheme in self.schemes
+                    for i, motion in enumerate(motions)
+                )
+                yield Piece(config, variation, motions, tuple(runs))
+
+
+def run_piece(piece: Piece) -> Iterator[FinishedRun]:
+    """Compute the runs of a piece.
+
+    Parameters
+    ----------
+    piece : Piece
+        The piece.
+
+    Yields
+    ------
+    FinishedRun
+        In the order of the piece.
+    """
+    config, step = piece.config, piece.config.run.time_step
+    needed = sorted({run.motion for run in piece.runs})
+    selected = {}
+    for i in needed:
+        selection = piece.motions[i].select(config.ground_motion)
+        selected[i] = SelectedMotion(selection, prepare_ground_motion(piece.motions[i].motion, selection, step))
+    grounds = [selected[i].motion.acceleration for i in needed]
+    lower = len(config.numerical_substructure.masses)
+    references = dict(zip(needed, references_of(grounds, config), strict=True))
+    for scheme, group in itertools.groupby(piece.runs, key=lambda run: run.scheme):
+        planned = list(group)
+        finished = run_motions(with_scheme(config, scheme), [selected[run.motion] for run in planned])
+        for plan, run in zip(planned, finished, strict=True):
+            metrics = compare(run.record, references[plan.motion][: run.record.steps], lower)
+            yield FinishedRun(result_of_run(plan, piece, run, metrics.rmse_percent, metrics.tracking_delay_ms), run)
+
+
+def result_of_run(
+    plan: PlannedRun, piece: Piece, run: CampaignRun, rmse_percent: Mapping[str, float], tracking_delay_ms: float
+) -> dict[str, Any]:
+    """Return what is told about a run, as plain values.
+
+    Parameters
+    ----------
+    plan : PlannedRun
+        The run as planned.
+    piece : Piece
+        The piece it belongs to.
+    run : CampaignRun
+        The run.
+    rmse_percent : Mapping of str to float
+        Errors of Eq. 12 [%].
+    tracking_delay_ms : float
+        Delay of the table [ms].
+
+    Returns
+    -------
+    dict
+        Errors of an unstable run are None, and so is what cannot be computed.
+    """
+    record, motion = run.record, piece.motions[plan.motion]
+    return {
+        "key": plan.key,
+        "motion": record.motion["name"],
+        "event": event_of(motion.record),
+        "file": motion.record,
+        "component": motion.component,
+        "scheme": plan.scheme,
+        "variation": dict(piece.variation),
+        "stable": record.stable,
+        "outcome": record.outcome,
+        "reason": record.reason,
+        "steps": record.steps,
+        "rmse_percent": {name: _known(value) if record.stable else None for name, value in rmse_percent.items()},
+        "tracking_delay_ms": _known(tracking_delay_ms),
+        "engine": run.engine,
+    }
+
+
+def with_scheme(config: Config, scheme: str) -> Config:
+    """Return a configuration with another compensation scheme.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    scheme : str
+        Its name.
+    """
+    return dataclasses.replace(config, run=dataclasses.replace(config.run, scheme=scheme))
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _varied(config: Config, variation: Mapping[str, object]) -> Config:
+    try:
+        return config.changed(**{name.replace(".", "__", 1): value for name, value in variation.items()})
+    except InputError as error:
+        given = ", ".join(f"{name}={value}" for name, value in variation.items())
+        raise InputError(f"--vary {given}: {error}") from error
+
+
+def _configuration_hash(config: Config) -> str:
+    """Return a hash of everything that is configured but which record it is."""
+    mapping = config.as_mapping()
+    for name in ("record", "component", "unit"):
+        del mapping["ground_motion"][name]
+    return hashlib.sha256(json.dumps([__version__, mapping], sort_keys=True).encode()).hexdigest()
+
+
+def _run_key(configuration_hash: str, motion: CampaignMotion) -> str:
+    parts = (configuration_hash, motion.motion.sha256, motion.component, motion.unit)
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()

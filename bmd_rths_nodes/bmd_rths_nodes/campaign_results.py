@@ -1,0 +1,151 @@
+"""The results of a campaign in a folder: a CSV file that grows run by run and survives being cut."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import json
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from bmd_rths_core.errors import InputError
+
+#: Name of the file in the output folder.
+CSV_NAME, PARQUET_NAME = "campaign.csv", "campaign.parquet"
+
+_ERRORS = ("substructure", "control_layer", "superstructure")
+_COLUMNS = (
+    *("key", "motion", "event", "file", "component", "scheme", "variation", "stable", "outcome", "reason", "steps"),
+    *(f"rmse_{name}_percent" for name in _ERRORS),
+    *("tracking_delay_ms", "engine"),
+)
+_HEADER = (",".join(_COLUMNS) + "\n").encode()
+
+
+class CampaignResults:
+    """One line for every finished run, found again by its key.
+
+    Only keys and places of the lines are kept in memory. What is appended is on the disk before `append` returns; a
+    last line without an end is what a killed study leaves, and is dropped.
+
+    Parameters
+    ----------
+    folder : Path
+        The output folder; it exists.
+
+    Raises
+    ------
+    InputError
+        The file is of something else, or another campaign writes it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / CSV_NAME
+        try:
+            self._file = open(self.path, "a+b")  # noqa: SIM115  # closed by `close`
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{self.path}: another campaign writes it; another --output is required") from None
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written: {error.strerror}") from error
+        self._places: dict[str, int] = {}
+        self._take_up()
+
+    def __contains__(self, key: object) -> bool:
+        """Tell whether a run is finished."""
+        return key in self._places
+
+    def append(self, results: Iterable[Mapping[str, Any]]) -> None:
+        """Write runs, on the disk.
+
+        Parameters
+        ----------
+        results : iterable of Mapping
+            As `bmd_rths_core.campaign.study.FinishedRun` has them.
+        """
+        self._file.seek(0, os.SEEK_END)
+        for result in results:
+            self._places[result["key"]] = self._file.tell()
+            self._file.write(_line(result))
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def read(self, key: str) -> dict[str, Any]:
+        """Return a finished run.
+
+        Parameters
+        ----------
+        key : str
+            Its key.
+        """
+        self._file.seek(self._places[key])
+        return _result(next(csv.DictReader([self._file.readline().decode()], _COLUMNS)))
+
+    def write_parquet(self) -> Path | None:
+        """Write all lines as a Parquet file beside the CSV file too.
+
+        Returns
+        -------
+        Path or None
+            None when pyarrow is not installed.
+        """
+        try:
+            from pyarrow import csv as arrow_csv
+            from pyarrow import parquet
+        except ModuleNotFoundError:
+            return None
+        path = self.path.with_name(PARQUET_NAME)
+        parquet.write_table(arrow_csv.read_csv(self.path), path)
+        return path
+
+    def close(self) -> None:
+        """Close the file for others."""
+        self._file.close()
+
+    def _take_up(self) -> None:
+        """Find the lines of a study that has run here, and drop a last one that was cut."""
+        self._file.seek(0)
+        whole = 0
+        for line in self._file:
+            if not line.endswith(b"\n"):
+                break
+            if whole == 0 and line != _HEADER:
+                raise InputError(f"{self.path}: line 1: not the columns of a campaign; another --output is required")
+            if whole:
+                self._places[line.partition(b",")[0].decode()] = whole
+            whole += len(line)
+        self._file.truncate(whole)
+        if whole == 0:
+            self._file.write(_HEADER)
+            self._file.flush()
+
+
+def _line(result: Mapping[str, Any]) -> bytes:
+    errors = {f"rmse_{name}_percent": value for name, value in result["rmse_percent"].items()}
+    row = {**result, **errors, "variation": json.dumps(result["variation"])}
+    text = io.StringIO()
+    # A missing value is an empty cell; the shortest text that reads back as the same number is that of repr.
+    csv.writer(text, lineterminator="\n").writerow(["" if row[name] is None else row[name] for name in _COLUMNS])
+    return text.getvalue().encode()
+
+
+def _result(row: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        **{name: row[name] for name in ("key", "motion")},
+        "event": row["event"] or None,
+        **{name: row[name] for name in ("file", "component", "scheme")},
+        "variation": json.loads(row["variation"]),
+        "stable": row["stable"] == "True",
+        **{name: row[name] for name in ("outcome", "reason")},
+        "steps": int(row["steps"]),
+        "rmse_percent": {name: _number(row[f"rmse_{name}_percent"]) for name in _ERRORS},
+        "tracking_delay_ms": _number(row["tracking_delay_ms"]),
+        "engine": row["engine"],
+    }
+
+
+def _number(text: str) -> float | None:
+    return float(text) if text else None

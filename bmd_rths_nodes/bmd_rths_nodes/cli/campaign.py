@@ -1,0 +1,186 @@
+"""``bmd-rths campaign``: every ground motion with every scheme and variation, in process."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+import click
+import yaml
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+from bmd_rths_core.campaign.motions import read_motions
+from bmd_rths_core.campaign.study import Piece, Study
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.schemes import SCHEME_NAMES
+from bmd_rths_nodes.campaign_pool import PieceRunner, bag_of, in_process, in_processes, on_cluster
+from bmd_rths_nodes.campaign_results import CampaignResults
+from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.error_tables import show_error_tables
+from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
+
+#: Runs for which it is worth to start one more process.
+_WORTH_A_PROCESS = 64
+
+
+@click.command(epilog="Example: bmd-rths campaign --motions records --vary force_correction.gain=0.3,0.5,0.7")
+@configured(default="simplified_bmd")
+@click.option(
+    "--motions",
+    "source",
+    required=True,
+    metavar="DIR|LIST",
+    type=click.Path(path_type=Path),
+    help="Folder with records, one record, or a list with file[,component[,unit]] in every line.",
+)
+@click.option("--schemes", default=",".join(SCHEME_NAMES), show_default=True, metavar="NAMES", help="Schemes.")
+@click.option(
+    "--vary",
+    "variations",
+    multiple=True,
+    metavar="SECTION.KEY=A,B,C",
+    help="Values of a parameter; repeatable, all combinations are run. An array stands in brackets.",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Processes on this machine; by default one for every core, or this one alone where there is little to do.",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on instead (pip install distributed).")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    default="campaign",
+    show_default=True,
+    help="Folder of the results; what it holds already is not run again.",
+)
+@click.option("--bags", "with_bags", is_flag=True, help="Write a bag of every run into the folder bags in --output.")
+@json_option
+def campaign(
+    choice: ConfigChoice,
+    source: Path,
+    schemes: str,
+    variations: tuple[str, ...],
+    jobs: int | None,
+    scheduler: str | None,
+    output: Path,
+    with_bags: bool,
+    as_json: bool,
+) -> int:
+    """Run every ground motion with every scheme and variation, and print Tables 2 and 3 beside the paper's numbers.
+
+    The runs are those of `bmd-rths simulate`. Without CONFIG it is the installed simplified_bmd. Results go to
+    campaign.csv in --output as they come (and to campaign.parquet at the end, if pyarrow is installed): the same
+    command goes on where a study was stopped. An unstable run is a result; the exit status is 0.
+    """
+    if jobs is not None and scheduler is not None:
+        raise InputError("--jobs, --scheduler: only one of them is possible")
+    config = choice.resolve().changed(table__controller="simulated")
+    vary = dict(_variation(text) for text in variations)
+    names = _schemes(schemes)
+    found = read_motions(source)
+    for file, problem in found.left_out.items():
+        log(f"left out: {file}: {problem}")
+    study = Study(config, found.motions, names, vary)
+    check_writable(output)
+    with contextlib.closing(CampaignResults(output)) as results:
+        bags = _prepared(output / "bags") if with_bags else None
+        try:
+            keys = _run(study, results, bags, jobs, scheduler)
+        except BrokenProcessPool:
+            log("error: a process of the campaign was killed; the same command goes on where it was")
+            return 1
+        told = (_told(results.read(key), bags) for key in keys)
+        parquet = results.write_parquet()
+        if as_json:
+            _print_json(told, found.left_out)
+        else:
+            show_error_tables(told, varied=bool(vary))
+            click.echo(f"results: {results.path}" + (f" {parquet}" if parquet else ""))
+    return 0
+
+
+def _run(
+    study: Study, results: CampaignResults, bags: Path | None, jobs: int | None, scheduler: str | None
+) -> list[str]:
+    """Run what has no result yet, and return the keys of all runs in their order."""
+    keys: list[str] = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with progress_bar(*columns) as progress:
+        task = progress.add_task("runs", total=study.size)
+        pending = _pending(study, results, bags, keys, lambda runs: progress.advance(task, runs))
+        run = PieceRunner(bags)
+        processes = jobs or min(len(os.sched_getaffinity(0)), 1 + study.size // _WORTH_A_PROCESS)
+        if scheduler is not None:
+            finished = on_cluster(pending, run, scheduler)
+        elif processes == 1:
+            finished = in_process(pending, run)
+        else:
+            finished = in_processes(pending, run, processes)
+        for piece in finished:
+            results.append(result for result in piece if result["key"] not in results)
+            progress.advance(task, len(piece))
+    return keys
+
+
+def _variation(text: str) -> tuple[str, list[object]]:
+    name, equals, values = text.partition("=")
+    try:
+        parsed = yaml.safe_load(f"[{values}]")
+    except yaml.YAMLError as error:
+        raise InputError(f"--vary {text}: {values!r} is not a list of YAML values") from error
+    if not equals or "." not in name or not parsed:
+        raise InputError(f"--vary {text}: SECTION.KEY=A,B,C is required")
+    return name, parsed
+
+
+def _schemes(text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in SCHEME_NAMES:
+            raise InputError(f"--schemes {text}: {name!r} is unknown; some of {','.join(SCHEME_NAMES)} are required")
+    return list(dict.fromkeys(names))
+
+
+def _prepared(bags: Path) -> Path:
+    """Make the folder of the bags, without those that a killed study left half written."""
+    check_writable(bags)
+    for partial in bags.glob(".*"):
+        shutil.rmtree(partial)
+    return bags.absolute()
+
+
+def _pending(
+    study: Study, results: CampaignResults, bags: Path | None, keys: list[str], skipped: Callable[[int], None]
+) -> Iterator[Piece]:
+    """Return what is left to run, and note the keys of all runs."""
+
+    def is_done(key: str) -> bool:
+        return key in results and (bags is None or bag_of(results.read(key), bags).exists())
+
+    for piece in study.pieces():
+        keys += [run.key for run in piece.runs]
+        left = tuple(run for run in piece.runs if not is_done(run.key))
+        skipped(len(piece.runs) - len(left))
+        if left:
+            yield dataclasses.replace(piece, runs=left)
+
+
+def _told(result: dict[str, Any], bags: Path | None) -> dict[str, Any]:
+    return result if bags is None else {**result, "bag": str(bag_of(result, bags))}
+
+
+def _print_json(results: Iterator[dict[str, Any]], left_out: dict[str, str]) -> None:
+    """Print one object, a run a time."""
+    click.echo('{"runs": [', nl=False)
+    for i, result in enumerate(results):
+        click.echo((", " if i else "") + json.dumps(result), nl=False)
+    click.echo(f'], "left_out": {json.dumps(left_out)}}}')

@@ -1,0 +1,267 @@
+"""`bmd-rths campaign`: every run once, whatever stops it; and many bags in one table."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import distributed
+import pytest
+from pyarrow import parquet
+
+from bmd_rths_core.campaign.motions import read_motions
+from bmd_rths_core.campaign.study import Study
+from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
+from bmd_rths_msgs_py.bag_reader import read_bag
+from bmd_rths_nodes.campaign_pool import PieceRunner, in_process, in_processes, on_cluster
+from bmd_rths_nodes.campaign_results import CSV_NAME, PARQUET_NAME, CampaignResults
+from tests.nodes.conftest import CONFIG
+
+MOTION = "time_s,acceleration_g\n" + "".join(f"{0.01 * i:.2f},{{}}\n" for i in range(80))
+
+
+@pytest.fixture
+def records(tmp_path):
+    folder = tmp_path / "records"
+    folder.mkdir()
+    for name, factor in (("kobe", 1), ("other", -2)):
+        values = [f"{factor * (i % 20 - 10) / 100:.3f}" for i in range(80)]
+        (folder / f"{name}.csv").write_text(MOTION.format(*values))
+    (folder / "README.md").write_text("Records\n")
+    return folder
+
+
+@pytest.fixture
+def study(records):
+    return Study(Config(), read_motions(records).motions, ["uc", "plc"], {"run.seed": [0, 1]})
+
+
+def campaign(*arguments):
+    return ("campaign", CONFIG, "--jobs", 1, "--output", "out", *arguments)
+
+
+def csv_text():
+    return Path("out", CSV_NAME).read_text()
+
+
+def runs_of(output):
+    return json.loads(output)["runs"]
+
+
+def test_campaign_runs_every_motion_and_scheme(run_main, records):
+    status, output, errors = run_main(*campaign("--motions", records, "--json"))
+    assert status == 0
+    assert errors == "left out: README.md: not a ground motion in a format that is read: " + errors.split("read: ")[1]
+    result = json.loads(output)
+    assert set(result["left_out"]) == {"README.md"}
+    runs = result["runs"]
+    assert [(run["scheme"], run["motion"]) for run in runs] == [
+        (scheme, motion) for scheme in ("uc", "fc", "plc", "plc_fc") for motion in ("kobe", "other")
+    ]
+    for run in runs:
+        assert set(run["rmse_percent"]) == {"substructure", "control_layer", "superstructure"}
+        assert (run["stable"], run["outcome"], run["engine"]) == (True, "finished", "linear")
+        status, alone, _ = run_main(
+            *("simulate", CONFIG, "--scheme", run["scheme"], "--motion", run["file"], "--json"),
+        )
+        assert json.loads(alone)["rmse_percent"] == pytest.approx(run["rmse_percent"], rel=1e-9)
+
+
+def test_configuration_may_be_left_out(run_main, records, monkeypatch):
+    monkeypatch.setattr("bmd_rths_nodes.cli.configuration.installed_configs", lambda: {"simplified_bmd": CONFIG})
+    status, output, _ = run_main("campaign", "--jobs", 1, "--motions", records, "--schemes", "uc", "--json")
+    assert (status, len(runs_of(output))) == (0, 2)
+
+
+def test_tables_stand_beside_those_of_the_paper(run_main, records):
+    status, output, _ = run_main(*campaign("--motions", records))
+    assert status == 0
+    for text in ("Table 2, substructure", "Table 3, superstructure", "plc_fc (paper)", "(89.36)", "(59.41)", "(90.24)"):
+        assert text in output
+    assert "│ other" in output
+
+
+def test_table_of_variations_has_their_means(run_main, records):
+    arguments = ("--motions", records, "--vary", "run.seed=1,2", "--vary", "safety.acceleration_limit=0.1,20.0")
+    status, output, _ = run_main(*campaign(*arguments, "--schemes", "uc,plc"))
+    assert status == 0
+    assert "run.seed=2, safety.acceleration_limit=20.0" in " ".join(output.split())
+    assert "2 unstable" in output
+    assert "kobe" not in output
+
+
+def test_study_that_ran_before_is_not_run_again(run_main, records, monkeypatch):
+    arguments = campaign("--motions", records, "--vary", "run.seed=0,1")
+    _, first, _ = run_main(*arguments, "--schemes", "uc", "--json")
+    lines = csv_text()
+    _, more, _ = run_main(*arguments, "--schemes", "uc,plc", "--json")
+    assert csv_text().startswith(lines)
+    assert len(csv_text().splitlines()) == 1 + 8
+
+    def not_again(piece):
+        raise AssertionError(piece)
+
+    monkeypatch.setattr("bmd_rths_nodes.campaign_pool.run_piece", not_again)
+    _, again, _ = run_main(*arguments, "--schemes", "uc,plc", "--json")
+    assert again == more
+    assert [run for run in runs_of(more) if run["scheme"] == "uc"] == runs_of(first)
+
+
+def test_cut_line_is_dropped_and_run_again(run_main, records):
+    arguments = campaign("--motions", records, "--json")
+    _, whole, _ = run_main(*arguments)
+    with open("out/campaign.csv", "r+b") as file:
+        file.truncate(len(file.read()) - 30)
+    _, again, _ = run_main(*arguments)
+    assert runs_of(again)[:-1] == runs_of(whole)[:-1]
+    # A run alone and one beside others differ by rounding.
+    assert runs_of(again)[-1]["rmse_percent"] == pytest.approx(runs_of(whole)[-1]["rmse_percent"], rel=1e-12)
+    assert len(csv_text().splitlines()) == 1 + 8
+
+
+def test_bags_are_those_of_single_runs_and_are_made_up_for(run_main, records):
+    arguments = campaign("--motions", records, "--schemes", "plc_fc", "--json")
+    run_main(*arguments)
+    status, output, _ = run_main(*arguments, "--bags")
+    assert status == 0
+    assert len(csv_text().splitlines()) == 1 + 2
+    bags = [run["bag"] for run in runs_of(output)]
+    for run in runs_of(output):
+        record = read_bag(run["bag"])
+        assert (record.outcome, record.steps) == (run["outcome"], run["steps"])
+    assert sorted(os.listdir("out/bags")) == sorted(os.path.basename(bag) for bag in bags)
+    status, analysed, _ = run_main("analyze", *bags, "--json")
+    for run, again in zip(runs_of(output), runs_of(analysed), strict=True):
+        assert again["rmse_percent"] == pytest.approx(run["rmse_percent"], rel=1e-9)
+        assert (again["motion"], again["scheme"], again["event"]) == (run["motion"], run["scheme"], run["event"])
+    _, table, _ = run_main("analyze", *bags)
+    _, expected, _ = run_main(*campaign("--motions", records, "--schemes", "plc_fc"))
+    assert table == expected.partition("results: ")[0]
+
+
+def test_processes_give_the_same_results_in_any_order(study):
+    run = PieceRunner(None)
+    expected = [result for piece in in_process(study.pieces(), run) for result in piece]
+    found = [result for piece in in_processes(study.pieces(), run, jobs=2) for result in piece]
+    assert sorted(found, key=lambda r: r["key"]) == sorted(expected, key=lambda r: r["key"])
+
+
+def test_cluster_gives_the_same_results(study):
+    expected = [result for piece in in_process(study.pieces(), PieceRunner(None)) for result in piece]
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        found = [r for piece in on_cluster(study.pieces(), PieceRunner(None), cluster.scheduler_address) for r in piece]
+    assert sorted(found, key=lambda r: r["key"]) == sorted(expected, key=lambda r: r["key"])
+
+
+def test_cluster_without_distributed_is_one_clear_line(study, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match="distributed is not installed"):
+        next(on_cluster(study.pieces(), PieceRunner(None), "tcp://127.0.0.1:1"))
+
+
+def test_parquet_has_the_same_runs(run_main, records):
+    _, output, _ = run_main(*campaign("--motions", records, "--json"))
+    table = parquet.read_table(f"out/{PARQUET_NAME}").to_pylist()
+    errors = [run["rmse_percent"]["substructure"] for run in runs_of(output)]
+    assert sorted(row["rmse_substructure_percent"] for row in table) == sorted(errors)
+
+
+def test_killed_study_goes_on_and_leaves_no_process(records, tmp_path):
+    """SIGKILL in the middle: what was written stays, nothing is run twice, and the workers end too."""
+    values = ",".join(str(i) for i in range(60))
+    command = [sys.executable, "-m", "bmd_rths_nodes.cli.main", "campaign", str(CONFIG), "--motions", str(records)]
+    command += ["--output", str(tmp_path / "out"), "--jobs", "2", "--json", "--vary", f"run.seed={values}"]
+    results = tmp_path / "out" / CSV_NAME
+    with open(tmp_path / "errors.txt", "wb") as errors:
+        child = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True
+        )
+        try:
+            _wait_until(lambda: results.exists() and results.read_bytes().count(b"\n") > 20, child)
+        finally:
+            os.kill(child.pid, signal.SIGKILL)
+            child.wait()
+    before = results.read_bytes()
+    whole = before[: before.rindex(b"\n") + 1]
+    assert 20 < whole.count(b"\n") < 481
+    _wait_until(lambda: not _session(child.pid))
+    finished = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=300)
+    assert finished.returncode == 0, finished.stderr
+    after = results.read_bytes()
+    assert after.startswith(whole)
+    keys = [line.partition(b",")[0] for line in after.splitlines()[1:]]
+    assert len(keys) == len(set(keys)) == 480
+    assert len(json.loads(finished.stdout)["runs"]) == 480
+
+
+def test_killed_process_ends_the_study_in_one_clear_line(run_main, records, monkeypatch):
+    def broken(pieces, run, jobs):
+        raise BrokenProcessPool
+
+    monkeypatch.setattr("bmd_rths_nodes.cli.campaign.in_processes", broken)
+    status, output, errors = run_main("campaign", CONFIG, "--jobs", 2, "--output", "out", "--motions", records)
+    assert (status, output) == (1, "")
+    assert errors.splitlines()[-1].startswith("error: a process of the campaign was killed")
+
+
+def _session(leader):
+    """Return the processes of a session."""
+    found = []
+    for name in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            if os.getsid(int(name)) == leader:
+                found.append(int(name))
+        except ProcessLookupError:
+            continue
+    return found
+
+
+def _wait_until(condition, child=None, timeout=120.0):
+    end = time.monotonic() + timeout
+    while not condition():
+        assert child is None or child.poll() is None, "the study has ended by itself"
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["--motions", "none"], "none"),
+        (["--motions", "records", "--schemes", "uc,best"], "--schemes uc,best: 'best' is unknown"),
+        (["--motions", "records", "--vary", "run.seed"], "--vary run.seed: SECTION.KEY=A,B,C is required"),
+        (["--motions", "records", "--vary", "run.seed="], "--vary run.seed=: SECTION.KEY=A,B,C is required"),
+        (["--motions", "records", "--vary", "run.seed=[1"], "is not a list of YAML values"),
+        (["--motions", "records", "--vary", "run.seed=-1"], "--vary run.seed=-1: run.seed"),
+        (["--motions", "records", "--scheduler", "tcp://x:1"], "--jobs, --scheduler: only one"),
+        (["--motions", "records", "--output", "records/kobe.csv/out"], "cannot be written"),
+    ],
+)
+def test_wrong_usage_is_one_clear_line(run_main, records, arguments, problem):
+    status, output, errors = run_main(*campaign(*arguments))
+    assert (status, output) == (2, "")
+    assert problem in errors.splitlines()[-1]
+    assert "Traceback" not in errors
+
+
+def test_results_of_something_else_are_refused(run_main, records, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / CSV_NAME).write_text("a,b\n1,2\n")
+    status, _, errors = run_main(*campaign("--motions", records))
+    assert status == 2
+    assert "campaign.csv: line 1: not the columns of a campaign" in errors
+    assert (tmp_path / "out" / CSV_NAME).read_text() == "a,b\n1,2\n"
+
+
+def test_two_campaigns_do_not_write_the_same_file(run_main, records, tmp_path):
+    (tmp_path / "out").mkdir()
+    other = CampaignResults(tmp_path / "out")
+    status, _, errors = run_main(*campaign("--motions", records))
+    other.close()
+    assert status == 2
+    assert "another campaign writes it" in errors
