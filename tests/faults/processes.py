@@ -8,6 +8,7 @@ import os
 import resource
 import signal
 import socket
+import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 
 from bmd_rths_core.config import load_config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.faults import SENSORS
 from bmd_rths_core.table.true_motion import TrueMotion
@@ -140,7 +142,7 @@ class Bench:
         for child in self.children:
             try:
                 child.process.wait(10.0)
-            except Exception:
+            except subprocess.TimeoutExpired:
                 child.process.kill()
                 child.process.wait()
 
@@ -261,7 +263,7 @@ def _bag(bench: Bench) -> RunRecord | None:
     bags = sorted(bench.bags.glob("*/*.mcap")) if bench.bags.is_dir() else []
     try:
         return read_bag(bags[0].parent)
-    except Exception:
+    except (IndexError, InputError, OSError):
         return None
 
 

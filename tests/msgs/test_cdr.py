@@ -75,8 +75,8 @@ def without_padding(typestore: Any, type_name: str, data: bytes, other: bytes) -
         try:
             if rosbags_bytes(typestore, type_name, bytes(changed)) == plain:
                 result[i] = data[i]
-        except Exception:
-            continue  # a length or a text: certainly no padding
+        except Exception:  # whatever rosbags makes of a changed length or text: certainly no padding
+            continue
     return bytes(result)
 
 

@@ -22,6 +22,9 @@ VERSION = 1
 #: Sequence numbers and session ids are counted modulo this.
 MODULUS = 2**32
 
+#: Bytes to read of a datagram: more than any packet has, so that one that is too long is seen as such.
+LONGEST_DATAGRAM = 4096
+
 _HOST_MAGIC, _CONTROLLER_MAGIC = b"RTHC", b"RTHM"
 _HOST = Struct("<4sHHIIqdddI")
 _CONTROLLER = Struct("<4sHHIIIHHqdddd")

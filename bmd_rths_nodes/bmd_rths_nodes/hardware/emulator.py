@@ -13,9 +13,7 @@ from typing import Any
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.table.faults import Faults, FaultyNetwork, parse_fault
 from bmd_rths_core.table.virtual_controller import VirtualController
-
-#: Longer than any packet, so that a datagram that is too long is seen as such.
-LONGEST_DATAGRAM = 4096
+from bmd_rths_core.table.wire import LONGEST_DATAGRAM
 
 #: When this process gets no turn for longer, its virtual time stands still: the host cannot be blamed for it [ns].
 LONGEST_STALL = 10_000_000

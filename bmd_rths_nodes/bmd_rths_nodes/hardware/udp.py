@@ -1,13 +1,8 @@
-"""Table controller over UDP: one socket, one session, and a count of everything that goes wrong on the way."""
+"""Table controller over UDP: commands and their answers, with and without waiting."""
 
 from __future__ import annotations
 
-import math
-import secrets
-import select
-import socket
 import time
-from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -15,35 +10,15 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.displacement_command import DisplacementCommand, TableMotion
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
-from bmd_rths_core.table.selection import TableConfig, parse_address
-from bmd_rths_core.table.wire import (
-    MODULUS,
-    ArmMode,
-    ControllerPacket,
-    ControllerState,
-    HostPacket,
-    Kind,
-    Rejection,
-    decode_controller_packet,
-    encode_host_packet,
-    interlock_names,
-)
-
-#: Longer than any packet, so that a datagram that is too long is seen as such.
-LONGEST_DATAGRAM = 4096
+from bmd_rths_core.table.selection import TableConfig
+from bmd_rths_core.table.wire import ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
+from bmd_rths_nodes.hardware.udp_link import ACCELERATION_ONLY, UdpLink
 
 #: Time between two packets of a host that waits for the first command [s]; controllers let go of a host after 1 s.
 KEEP_ALIVE_PERIOD = 0.25
 
 #: Most datagrams one `poll` looks at, so that a flood of them does not keep it.
 MOST_DATAGRAMS = 16
-
-_UNUSED = TableMotion(math.nan, math.nan)
-
-_COUNTS = (
-    *("sent", "answered", "resent", "lost", "late", "duplicate", "wrong_address", "wrong_session", "armed"),
-    *(reason.name.lower() for reason in Rejection),
-)
 
 
 class _Pending(NamedTuple):
@@ -83,23 +58,15 @@ class UdpTable:
         motion: DisplacementCommand | None = None,
     ) -> None:
         self._config = config
-        self._floors = floors
-        self._time_step_ns = time_step_ns
         self._lockstep = lockstep
         self._motion = motion
-        self._session = secrets.randbits(32)
-        self._sequence = 0
-        self._socket: socket.socket | None = None
-        self._peer = ("", 0)
+        self._link = UdpLink(config, floors, time_step_ns)
         self._armed = False
         self._last_step = -1
         self._last_acceleration = 0.0
         self._stop_confirmed = True
         self._pending: dict[int, _Pending] = {}
-        self._lost: set[int] = set()
-        self._keep_alives: set[int] = set()
         self._keep_alive_due = 0.0
-        self._counts = Counter(dict.fromkeys(_COUNTS, 0))
 
     def connect(self) -> None:
         """Find the controller, wait until it is at rest, and arm it.
@@ -112,9 +79,8 @@ class UdpTable:
             The controller does not answer, is in an interlock or is used by another host.
         """
         self.stop()
-        if self._socket is None:
-            self._open()
-        state = self._settled(self._asked(Kind.STATUS))
+        self._link.open()
+        state = self._settled(self._link.ask(Kind.STATUS))
         if state.state is ControllerState.INTERLOCK and self._config.reset_interlock:
             state = self._reset(state)
         if state.state is ControllerState.INTERLOCK:
@@ -122,16 +88,15 @@ class UdpTable:
                 f"{self._told(state)}; look at the table, then reset the interlock there "
                 "or start with table.reset_interlock=true"
             )
-        state = self._asked(Kind.ARM, ArmMode.LOCKSTEP if self._lockstep else ArmMode.REAL_TIME)
+        state = self._link.ask(Kind.ARM, ArmMode.LOCKSTEP if self._lockstep else ArmMode.REAL_TIME)
         if state.state is not ControllerState.ARMED:
             raise RuntimeError(f"{self._told(state)} and cannot be armed")
-        self._counts["armed"] += 1
+        self._link.count("armed")
         self._armed = True
         self._last_step = -1
         self._last_acceleration = 0.0
         self._pending.clear()
-        self._lost.clear()
-        self._keep_alives.clear()
+        self._link.forget()
         self._keep_alive_due = time.perf_counter() + KEEP_ALIVE_PERIOD
         if self._motion is not None:
             self._motion.reset()
@@ -164,13 +129,13 @@ class UdpTable:
             The controller is stopped, in an interlock, idle or silent, or the step lies in the past.
         """
         if self._lockstep:
-            return self._measured(self._asked(Kind.COMMAND, *command, self._next(command)), command)
+            return self._measured(self._link.ask(Kind.COMMAND, *command, self._next(command)), command)
         self.begin(command)
         while self._pending:
             measurement = self.poll()
             if measurement is not None and measurement.step == command.step:
                 return measurement
-            self._readable(min((pending.deadline for pending in self._pending.values()), default=0.0))
+            self._link.readable(min((pending.deadline for pending in self._pending.values()), default=0.0))
         raise NoAnswer(f"no answer to step {command.step} within {1e3 * self._config.answer_timeout:g} ms")
 
     def begin(self, command: TableCommand) -> None:
@@ -188,7 +153,7 @@ class UdpTable:
         RuntimeError
             The table is stopped, or the step lies in the past.
         """
-        sequence, _ = self._send(Kind.COMMAND, *command, self._next(command))
+        sequence = self._link.send(Kind.COMMAND, *command, self._next(command))
         self._pending[sequence] = _Pending(command, time.perf_counter() + self._config.answer_timeout)
 
     def poll(self) -> TableMeasurement | None:
@@ -212,20 +177,19 @@ class UdpTable:
             return None
         self._stay_in_session()
         for _ in range(MOST_DATAGRAMS):
-            if not self._readable():
+            if not self._link.readable():
                 break
-            packet = self._read()
+            packet = self._link.read()
             if packet is None:
                 continue
             if packet.sequence in self._pending:
                 while (older := next(iter(self._pending))) != packet.sequence:
                     self._give_up(older)
                 command = self._pending.pop(packet.sequence).command
-                self._counts["answered"] += 1
+                self._link.count("answered")
                 return self._measured(packet, command)
-            waiting = packet.sequence in self._keep_alives
-            self._count_unasked(packet.sequence)
-            if waiting and packet.state not in (ControllerState.ARMED, ControllerState.RUNNING):
+            asked_for = self._link.count_unasked(packet.sequence) == "answered"
+            if asked_for and packet.state not in (ControllerState.ARMED, ControllerState.RUNNING):
                 raise RuntimeError(self._told(packet))
         now = time.perf_counter()
         for sequence in [sequence for sequence, pending in self._pending.items() if pending.deadline < now]:
@@ -239,37 +203,22 @@ class UdpTable:
 
     def emergency_stop(self) -> None:
         """Ask for the emergency stop and wait until it is confirmed."""
-        if self._socket is not None:
+        if self._link.is_open:
             self._halt(Kind.EMERGENCY_STOP)
 
     def close(self) -> None:
         """Stop the table and release the socket."""
         self.stop()
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        self._link.close()
 
     def statistics(self) -> Mapping[str, str]:
         """Return the counts of packets, and whether the last stop was confirmed."""
         return {
-            **{f"udp_{name}": str(count) for name, count in self._counts.items()},
+            **{f"udp_{name}": str(count) for name, count in self._link.counts.items()},
             "udp_stop": "confirmed" if self._stop_confirmed else "not confirmed",
         }
 
     # ---- details
-
-    def _open(self) -> None:
-        local = parse_address("table.local_address", self._config.local_address, any_port=True)
-        host, port = parse_address("table.address", self._config.address)
-        link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._peer = (socket.gethostbyname(host), port)
-            link.bind(local)
-            link.setblocking(False)
-        except OSError as error:
-            link.close()
-            raise OSError(f"{self._where()} from {self._config.local_address}: {error.strerror or error}") from error
-        self._socket = link
 
     def _next(self, command: TableCommand) -> TableMotion:
         """Check that a command may be sent now, and return what goes with it."""
@@ -278,7 +227,7 @@ class UdpTable:
             raise RuntimeError(f"command of step {step} refused: the table is stopped")
         if skipped < 0:
             raise RuntimeError(f"command of step {step} refused: step {self._last_step + 1} is next")
-        motion = _UNUSED
+        motion = ACCELERATION_ONLY
         if self._motion is not None:
             for _ in range(skipped):
                 self._motion.step(self._last_acceleration)
@@ -293,7 +242,7 @@ class UdpTable:
         # The next command may have been applied before this answer was due.
         if not command.step <= answer.step <= self._last_step:
             raise RuntimeError(
-                f"{self._where()} answers step {command.step}, but the last command it applied is {answer.step}"
+                f"{self._link.where} answers step {command.step}, but the last command it applied is {answer.step}"
             )
         return answer.measurement(command.acceleration)._replace(step=command.step)
 
@@ -302,98 +251,20 @@ class UdpTable:
         now = time.perf_counter()
         if self._last_step < 0 and now >= self._keep_alive_due:
             self._keep_alive_due = now + KEEP_ALIVE_PERIOD
-            self._keep_alives.add(self._send(Kind.STATUS)[0])
+            self._link.expect(self._link.send(Kind.STATUS), "answered")
 
     def _give_up(self, sequence: int) -> None:
         """Have no measurement for a command in real time."""
         del self._pending[sequence]
-        self._lost.add(sequence)
-        self._counts["lost"] += 1
-
-    def _send(
-        self, kind: Kind, step: int = 0, acceleration: float = 0.0, motion: TableMotion = _UNUSED
-    ) -> tuple[int, bytes]:
-        """Send a new packet and return its sequence number and bytes."""
-        sequence = self._sequence
-        self._sequence = (sequence + 1) % MODULUS
-        time_ns = step * self._time_step_ns if kind is Kind.COMMAND else 0
-        packet = HostPacket(kind, sequence, step, time_ns, acceleration, *motion, self._session)
-        data = encode_host_packet(packet)
-        self._link().sendto(data, self._peer)
-        self._counts["sent"] += 1
-        return sequence, data
-
-    def _asked(
-        self, kind: Kind, step: int = 0, acceleration: float = 0.0, motion: TableMotion = _UNUSED
-    ) -> ControllerPacket:
-        """Send a packet until it is answered."""
-        sequence, data = self._send(kind, step, acceleration, motion)
-        give_up = time.perf_counter() + self._config.give_up_after
-        while (answer := self._receive(sequence, time.perf_counter() + self._config.resend_after)) is None:
-            if time.perf_counter() > give_up:
-                break
-            self._link().sendto(data, self._peer)
-            self._counts["resent"] += 1
-        else:
-            return answer
-        raise RuntimeError(
-            f"no answer from {self._where()} within {self._config.give_up_after:g} s: "
-            "it is not there, or another host is using it"
-        )
-
-    def _receive(self, sequence: int, deadline: float) -> ControllerPacket | None:
-        """Return the answer to a packet, or None after the deadline; count what else arrives."""
-        while self._readable(deadline):
-            packet = self._read()
-            if packet is not None and packet.sequence == sequence:
-                self._counts["answered"] += 1
-                return packet
-            if packet is not None:
-                self._count_unasked(packet.sequence)
-            if time.perf_counter() > deadline:
-                break
-        return None
-
-    def _readable(self, deadline: float = 0.0) -> bool:
-        """Wait for a datagram, until a deadline; by default look only."""
-        return bool(select.select([self._link()], [], [], max(0.0, deadline - time.perf_counter()))[0])
-
-    def _read(self) -> ControllerPacket | None:
-        """Read one datagram; None when it is not an answer to this host."""
-        try:
-            data, sender = self._link().recvfrom(LONGEST_DATAGRAM)
-        except OSError:  # what the network says about packets sent before
-            return None
-        return self._accepted(data, sender)
-
-    def _accepted(self, data: bytes, sender: tuple[str, int]) -> ControllerPacket | None:
-        if sender != self._peer:
-            self._counts["wrong_address"] += 1
-            return None
-        packet = decode_controller_packet(data, self._floors)
-        if isinstance(packet, Rejection):
-            self._counts[packet.name.lower()] += 1
-            return None
-        if packet.session != self._session:
-            self._counts["wrong_session"] += 1
-            return None
-        return packet
-
-    def _count_unasked(self, sequence: int) -> None:
-        """Count an answer that has no measurement to give: that of a keep-alive, a late or a doubled one."""
-        if sequence in self._keep_alives:
-            self._keep_alives.remove(sequence)
-            self._counts["answered"] += 1
-        else:
-            self._counts["late" if sequence in self._lost else "duplicate"] += 1
-            self._lost.discard(sequence)
+        self._link.expect(sequence, "late")
+        self._link.count("lost")
 
     def _settled(self, state: ControllerPacket) -> ControllerPacket:
         """Wait until the table does not move any more."""
         give_up = time.perf_counter() + self._config.stop_timeout
         while state.state is ControllerState.STOPPING and time.perf_counter() < give_up:
             time.sleep(self._config.resend_after)
-            state = self._asked(Kind.STATUS)
+            state = self._link.ask(Kind.STATUS)
         return state
 
     def _reset(self, state: ControllerPacket) -> ControllerPacket:
@@ -401,7 +272,7 @@ class UdpTable:
         give_up = time.perf_counter() + self._config.stop_timeout
         while state.state is ControllerState.INTERLOCK and time.perf_counter() < give_up:
             time.sleep(self._config.resend_after)
-            state = self._asked(Kind.RESET)
+            state = self._link.ask(Kind.RESET)
         return state
 
     def _halt(self, kind: Kind) -> None:
@@ -409,26 +280,18 @@ class UdpTable:
         for sequence in list(self._pending):
             self._give_up(sequence)
         try:
-            state = self._settled(self._asked(kind))
+            state = self._settled(self._link.ask(kind))
         except (OSError, RuntimeError):
             return  # told by `statistics`; the watchdog of the controller brings the table to rest
         self._stop_confirmed = state.state in (ControllerState.IDLE, ControllerState.INTERLOCK)
 
-    def _link(self) -> socket.socket:
-        if self._socket is None:
-            raise RuntimeError("not connected")
-        return self._socket
-
-    def _where(self) -> str:
-        return self._config.address
-
     def _told(self, packet: ControllerPacket) -> str:
         state = packet.state.name.lower()
         if packet.state is ControllerState.INTERLOCK:
-            return f"{self._where()} is in an interlock ({interlock_names(packet.interlock)})"
+            return f"{self._link.where} is in an interlock ({interlock_names(packet.interlock)})"
         if packet.state is ControllerState.IDLE:
-            return f"{self._where()} is idle: it was stopped or restarted"
-        return f"{self._where()} is {state}"
+            return f"{self._link.where} is idle: it was stopped or restarted"
+        return f"{self._link.where} is {state}"
 
 
 def make_udp_table(config: Config) -> UdpTable:
