@@ -444,7 +444,7 @@ def test_controller_of_a_host_that_died_tells_the_next_one_what_to_do():
         dead = make_udp_table(connected)
         dead.connect()
         dead.exchange(TableCommand(0, 1.0))
-        dead._socket.close()
+        dead._link.close()
         following = make_udp_table(connected.changed(table__give_up_after=4.0))
         with pytest.raises(RuntimeError, match=r"\(watchdog\); .* or start with table\.reset_interlock=true"):
             following.connect()
