@@ -43,7 +43,7 @@ class Supervised:
     def last_words(self) -> str:
         """Return the last line it wrote."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "it wrote nothing"
+        return lines[-1].removeprefix("error: ") if lines else "it wrote nothing"
 
 
 class Supervisor:

@@ -317,6 +317,12 @@ def test_what_is_no_fault_is_refused(text, message):
     assert message in str(error.value)
 
 
+def test_sensor_that_the_table_does_not_have_cannot_be_stuck():
+    assert parse_fault("stuck=floor_2", floors=2).value == 5.0
+    with pytest.raises(InputError, match=r"'floor_3' is no sensor; one of .*, floor_1 to floor_2 is required"):
+        parse_fault("stuck=floor_3", floors=2)
+
+
 def test_frozen_controller_answers_but_applies_nothing():
     bench = Bench(faults=["frozen@20"]).armed()
     answers = bench.run(sine(40))

@@ -164,3 +164,21 @@ def test_installed_configuration_can_be_named(run_main, monkeypatch, tmp_path):
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
     status, _, errors = run_main("simulate", "simplified_bmd", "--set", "ground_motion.duration=1.0")
     assert status == 0, errors
+
+
+def test_interrupted_simulation_leaves_no_empty_folder(run_main, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RthsLoop, "run", interrupted)
+    status, output, errors = run_main("simulate", CONFIG, "--output", tmp_path / "new" / "bags")
+    assert (status, output, errors.strip()) == (1, "", "stopped")
+    assert not (tmp_path / "new").exists()
+
+
+def test_stability_of_stories_that_yield_says_what_was_looked_at(run_main):
+    changes = ("nonlinear.story_model=bilinear", "nonlinear.integration=cr", "nonlinear.yield_drifts=[0.0003]")
+    options = [word for change in changes for word in ("--set", change)]
+    _, output, _ = run_main("stability", CONFIG, "--no-sensitivity", *options)
+    assert "The stories are bilinear: this is their elastic range" in output
+    assert "elastic range" not in run_main("stability", CONFIG, "--no-sensitivity")[1]

@@ -85,3 +85,9 @@ def test_simulate_takes_the_unit_of_a_file_without_one(run_main, folder):
     assert "ground_motion.unit must give it: g, m/s2, cm/s2 or gal" in errors
     status, _, _ = run_main(*arguments, "--set", "ground_motion.unit=gal")
     assert status == 0
+
+
+def test_folder_without_ground_motions_is_told_in_words(run_main, tmp_path):
+    (tmp_path / "records").mkdir()
+    status, output, _ = run_main("motions", tmp_path / "records")
+    assert (status, output) == (0, f"no ground motion was found in {tmp_path / 'records'}\n")

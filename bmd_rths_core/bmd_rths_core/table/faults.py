@@ -59,7 +59,7 @@ class Fault(NamedTuple):
     step: int
 
 
-def parse_fault(text: str, model: str = "servo_hydraulic") -> Fault:
+def parse_fault(text: str, model: str = "servo_hydraulic", floors: int = 999) -> Fault:
     """Return the fault that a person wrote.
 
     Parameters
@@ -68,6 +68,8 @@ def parse_fault(text: str, model: str = "servo_hydraulic") -> Fault:
         ``NAME[=VALUE][@STEP]``.
     model : str
         `VirtualControllerConfig.model` of the table that shall have it.
+    floors : int
+        Number of its floor accelerometers.
 
     Returns
     -------
@@ -84,19 +86,20 @@ def parse_fault(text: str, model: str = "servo_hydraulic") -> Fault:
     name, value = match["name"], match["value"]
     if name in _OF_THE_HYDRAULICS and model != "servo_hydraulic":
         raise InputError(f"fault {text!r}: the {model} model has no hydraulics; model servo_hydraulic is required")
-    read = _sensor if name in _OF_A_SENSOR else _size
-    size = KINDS[name][3] if value is None else read(text, name, value)
+    if value is None:
+        size = KINDS[name][3]
+    else:
+        size = _sensor(text, value, floors) if name in _OF_A_SENSOR else _size(text, name, value)
     return Fault(name, size, int(match["step"] or 0))
 
 
-def _sensor(text: str, name: str, sensor: str) -> float:
+def _sensor(text: str, sensor: str, floors: int) -> float:
     if sensor in SENSORS:
         return float(SENSORS.index(sensor))
     floor = re.fullmatch(r"floor_([1-9][0-9]{0,2})", sensor, re.ASCII)
-    if floor is None:
-        raise InputError(
-            f"fault {text!r}: {sensor!r} is no sensor; one of {', '.join(SENSORS)}, floor_1 ... is required"
-        )
+    if floor is None or int(floor[1]) > floors:
+        known = f"{', '.join(SENSORS)}, floor_1 to floor_{floors}"
+        raise InputError(f"fault {text!r}: {sensor!r} is no sensor; one of {known} is required")
     return float(len(SENSORS) - 1 + int(floor[1]))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from functools import partial
 
 import click
 
@@ -12,6 +13,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.table.faults import KINDS, Faults, parse_fault
 from bmd_rths_core.table.selection import parse_address
+from bmd_rths_core.table.wire import Interlock, interlock_names
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, log
 from bmd_rths_nodes.hardware.emulator import Emulator
@@ -54,7 +56,9 @@ def emulate(
         click.echo(json.dumps(ready))
     log(", ".join(f"{name} {value}" for name, value in ready.items()))
     emulator.run(lambda: bool(ended))
-    log(", ".join(f"{name} {value}" for name, value in emulator.statistics().items()))
+    told = emulator.statistics()
+    told["interlock"] = interlock_names(Interlock(told["interlock"])) if told["interlock"] else "none"
+    log(", ".join(f"{name} {value}" for name, value in told.items()))
     return 0
 
 
@@ -75,10 +79,10 @@ def make_emulator(config: Config, address: str, faults: tuple[str, ...] = ()) ->
     InputError
         A fault or the address is wrong, or cannot be used.
     """
-    model = config.virtual_controller.model
-    active = Faults(parse_fault(text, model) for text in faults)
+    parse = partial(parse_fault, model=config.virtual_controller.model, floors=len(config.specimen.masses))
+    active = Faults(parse(text) for text in faults)
     host, port = parse_address("--listen", address, any_port=True)
     try:
-        return Emulator(make_virtual_controller(config, active), active, model, config.run.seed, (host, port))
+        return Emulator(make_virtual_controller(config, active), active, parse, config.run.seed, (host, port))
     except OSError as error:
         raise InputError(f"{address}: cannot be used: {error.strerror or error}") from error

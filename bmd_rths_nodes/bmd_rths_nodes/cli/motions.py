@@ -55,6 +55,8 @@ def motions(folder: Path, as_json: bool) -> int:
         click.echo(json.dumps({"records": records, "not_read": not_read}))
     else:
         _show(records, not_read)
+        if not records:
+            click.echo(f"no ground motion was found in {folder}")
     return 0
 
 
@@ -80,6 +82,13 @@ def _plain(entry: CatalogueEntry) -> dict[str, Any]:
 
 
 def _show(records: list[dict[str, Any]], not_read: list[dict[str, str]]) -> None:
+    if records:
+        _show_records(records)
+    for entry in not_read:
+        click.echo(f"not read: {entry['file']}: {entry['problem']}")
+
+
+def _show_records(records: list[dict[str, Any]]) -> None:
     table = Table(box=None, pad_edge=False)
     for heading in ("file", "format", "component"):
         table.add_column(heading, no_wrap=True)
@@ -92,5 +101,3 @@ def _show(records: list[dict[str, Any]], not_read: list[dict[str, str]]) -> None
     Console(width=_WIDTH).print(table)
     if not all(record["states_unit"] for record in records):
         click.echo("unknown: the file states no unit; ground_motion.unit has to give it")
-    for entry in not_read:
-        click.echo(f"not read: {entry['file']}: {entry['problem']}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import click
@@ -34,6 +36,30 @@ def check_writable(folder: Path) -> None:
         raise InputError(f"--output {folder}: cannot be written: {error.strerror}") from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--output {folder}: cannot be written: Permission denied")
+
+
+@contextmanager
+def output_folder(folder: Path) -> Iterator[None]:
+    """Have a folder that can be written; at the end those that were made and are still empty are removed.
+
+    Parameters
+    ----------
+    folder : Path
+        Where output shall go.
+
+    Raises
+    ------
+    InputError
+        It cannot be written.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    check_writable(folder)
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # of a folder that is not empty
+            for path in made:
+                path.rmdir()
 
 
 def progress_bar(*columns: ProgressColumn) -> Progress:

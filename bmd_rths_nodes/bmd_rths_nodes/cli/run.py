@@ -20,7 +20,7 @@ from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
 from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
-from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
+from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.operator_stop import OperatorStop
@@ -47,6 +47,12 @@ CLOSING_TIMEOUT = 10.0
 
 #: Time the table is given to come to rest when nothing can be recorded any more [s].
 FAREWELL_TIME = 4.0
+
+
+_TOO_SLOW = (
+    "This computer, or the table controller, did not keep up with the time step. Ending other work, --composed or a "
+    "longer run.time_step help; run.max_consecutive_misses and safety.stale_shear_limit say how long the loop waits."
+)
 
 
 class RunFailed(Exception):
@@ -88,16 +94,18 @@ def run(
     motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     prediction = preflight.checked(resolved, motion)
     folder = output if output is not None else Path(resolved.recorder.directory)
-    check_writable(folder)
-    if prediction is not None:
-        log(preflight.in_words(resolved, prediction))
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
-    try:
-        bag = _run(resolved, motion.steps, _COMPOSED_PROCESSES if composed else _PROCESSES)
-    except RunFailed as error:
-        log(f"error: {error}")
-        return 1
+    with output_folder(folder):
+        if prediction is not None:
+            log(preflight.in_words(resolved, prediction))
+        try:
+            bag = _run(resolved, motion.steps, _COMPOSED_PROCESSES if composed else _PROCESSES)
+        except RunFailed as error:
+            log(f"error: {error}")
+            return 1
     record = read_bag(bag)
+    if record.outcome == "failed" and "deadlines in a row" in record.reason:
+        log(_TOO_SLOW)
     predicted = None if prediction is None else preflight.as_mapping(prediction)
     show({**result_of(record), "preflight": predicted, "bag": str(bag)}, as_json)
     return 0 if record.outcome == "finished" else 1

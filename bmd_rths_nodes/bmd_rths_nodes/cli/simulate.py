@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
@@ -10,7 +11,7 @@ from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
-from bmd_rths_nodes.cli.options import check_writable, json_option, progress_bar
+from bmd_rths_nodes.cli.options import json_option, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.naming import new_bag_directory
 
@@ -23,14 +24,13 @@ def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
     resolved = choice.resolve(table__controller="simulated")
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
-    if output is not None:
-        check_writable(output)
-    with progress_bar() as progress:
-        task = progress.add_task(f"{ground_motion.name}, {resolved.run.scheme}", total=ground_motion.steps)
-        record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
-    result = result_of(record)
-    if output is not None:
-        directory = new_bag_directory(output, ground_motion.name, resolved.run.scheme)
-        result["bag"] = str(write_record(record, directory))
+    with output_folder(output) if output is not None else nullcontext():
+        with progress_bar() as progress:
+            task = progress.add_task(f"{ground_motion.name}, {resolved.run.scheme}", total=ground_motion.steps)
+            record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
+        result = result_of(record)
+        if output is not None:
+            directory = new_bag_directory(output, ground_motion.name, resolved.run.scheme)
+            result["bag"] = str(write_record(record, directory))
     show(result, as_json)
     return 0 if record.outcome == "finished" else 1

@@ -96,6 +96,10 @@ def stability(
     console = Console()
     console.width = max(console.width, _WIDTH)
     click.echo(assessment.verdict_text)
+    if resolved.nonlinear.story_model != "linear":
+        click.echo(
+            f"The stories are {resolved.nonlinear.story_model}: this is their elastic range, small motion about rest."
+        )
     _show_analyses(console, assessment, confirmation)
     if measured is not None:
         click.echo(
@@ -235,7 +239,8 @@ def _show_sweep(console: Console, curve: MarginCurve) -> None:
 
 def _show_sensitivity(console: Console, entries: list[ParameterSensitivity]) -> None:
     table = Table(
-        title="allowable mass ratios with one parameter changed by 10 %: continuous, complete, discrete",
+        title="allowable mass ratios with one parameter changed by 10 %: continuous, complete, discrete; effect is the "
+        "largest change of a margin",
         title_justify="left",
         title_style="bold",
     )

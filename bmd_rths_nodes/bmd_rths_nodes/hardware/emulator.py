@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.table.faults import Faults, FaultyNetwork, parse_fault
+from bmd_rths_core.table.faults import Fault, Faults, FaultyNetwork
 from bmd_rths_core.table.virtual_controller import VirtualController
 from bmd_rths_core.table.wire import LONGEST_DATAGRAM
 
@@ -31,8 +31,8 @@ class Emulator:
         The controller.
     faults : Faults
         Its faults.
-    model : str
-        Model of its table, which decides what faults it can have.
+    parse : callable
+        Reads a fault that its table can have, as `parse_fault` does.
     seed : int
         Seed of the network.
     address : tuple of str and int
@@ -45,11 +45,16 @@ class Emulator:
     """
 
     def __init__(
-        self, controller: VirtualController, faults: Faults, model: str, seed: int, address: tuple[str, int]
+        self,
+        controller: VirtualController,
+        faults: Faults,
+        parse: Callable[[str], Fault],
+        seed: int,
+        address: tuple[str, int],
     ) -> None:
         self._controller = controller
         self._faults = faults
-        self._model = model
+        self._parse = parse
         self._inbound, self._outbound = FaultyNetwork(faults, 2 * seed), FaultyNetwork(faults, 2 * seed + 1)
         self._socket = _bound(address)
         try:
@@ -166,7 +171,7 @@ class Emulator:
             self._controller.reset()
         elif word != "status":
             try:
-                self._faults.set(parse_fault(line, self._model))
+                self._faults.set(self._parse(line))
             except InputError as error:
                 return {"error": str(error)}
         return self.statistics()
