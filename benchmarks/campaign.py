@@ -9,6 +9,11 @@ The others are timed for some records only (all with --full) and scaled by simul
     BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py
     BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py --full
     BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py --json
+
+With --memory it measures instead how the memory of a study of 10,000 runs grows (El Centro, 8 s, 2,500 seeds, two
+processes); no other record is needed:
+
+    python benchmarks/campaign.py --memory
 """
 
 from __future__ import annotations
@@ -30,10 +35,12 @@ from scipy.signal import dlsim
 from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config, load_config
+from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.schemes import SCHEME_NAMES
+from bmd_rths_nodes.campaign_results import CSV_NAME
 
 CONFIG = Path(__file__).parents[1] / "config" / "simplified_bmd.yaml"
 #: One record for every event of the paper, which names no stations: file, component, unit. Where there are several it
@@ -57,6 +64,9 @@ RECORDS = (
 #: Which of them the others are timed with, and with which scheme.
 SAMPLE, SAMPLE_SCHEME = (0, 5, 8), "plc_fc"
 REPEATS = 3
+#: Shipped record of the study whose memory is measured, and after which share of its runs.
+SHIPPED = "el_centro_1940_ns"
+MEMORY_SHARES = (0.005, 0.1, 0.25, 0.5, 0.75, 0.98)
 
 
 def write_list(folder: Path) -> Path:
@@ -117,11 +127,89 @@ def others(config: Config, motions: Sequence[CampaignMotion], full: bool) -> dic
     return result
 
 
+def resident(process: int) -> int:
+    """Return the resident memory of a process [bytes]; 0 when it has ended."""
+    try:
+        status = Path(f"/proc/{process}/status").read_text()
+    except OSError:
+        return 0
+    return 1024 * next((int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS:")), 0)
+
+
+def workers_of(process: int) -> list[int]:
+    """Return the processes that a process has started, without the resource tracker."""
+    try:
+        children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+        return [int(c) for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
+    except OSError:
+        return []
+
+
+def write_shipped(folder: Path) -> Path:
+    """Write the shipped record as a file, as the campaign takes it."""
+    motion = read_ground_motion(SHIPPED)
+    lines = (f"{i * motion.time_step!r},{a!r}\n" for i, a in enumerate(motion.acceleration.tolist()))
+    path = folder / f"{SHIPPED}.csv"
+    path.write_text("time_s,acceleration_m_s2\n" + "".join(lines))
+    return path
+
+
+def wait_for_results(study: subprocess.Popen[bytes], results: Path, least: float) -> int:
+    """Return the number of finished runs once there are so many."""
+    while study.poll() is None:
+        finished = results.read_bytes().count(b"\n") - 1 if results.exists() else 0
+        if finished >= least:
+            return finished
+        time.sleep(0.1)
+    raise click.ClickException(f"the study has ended with status {study.returncode}")
+
+
+def memory(runs: int) -> list[dict[str, float]]:
+    """Return resident memory [MB] of a study at some numbers of finished runs."""
+    samples: list[dict[str, float]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        seeds = ",".join(str(seed) for seed in range(runs // len(SCHEME_NAMES)))
+        command = [sys.executable, "-m", "bmd_rths_nodes.cli.main", "campaign", str(CONFIG), "--jobs", "2"]
+        command += ["--motions", str(write_shipped(Path(folder))), "--set", "ground_motion.duration=8.0"]
+        command += ["--vary", f"run.seed={seeds}", "--output", folder]
+        study = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        try:
+            for share in MEMORY_SHARES:
+                finished = wait_for_results(study, Path(folder) / CSV_NAME, share * runs)
+                workers = [resident(worker) for worker in workers_of(study.pid)]
+                sample = {"study_mb": 1e-6 * resident(study.pid), "largest_worker_mb": 1e-6 * max(workers, default=0)}
+                samples.append({"runs": finished, **sample})
+        finally:
+            study.terminate()
+            study.wait()
+    return samples
+
+
 @click.command()
+@click.option("--memory", "memory_only", is_flag=True, help="Measure the memory of a study of 10,000 runs instead.")
+@click.option("--runs", default=10000, show_default=True, help="With --memory: size of the study.")
 @click.option("--full", is_flag=True, help="Time the others with all 52 runs.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def main(full: bool, as_json: bool) -> None:
-    """Compare the times."""
+def main(memory_only: bool, runs: int, full: bool, as_json: bool) -> None:
+    """Compare the times, or measure the memory."""
+    if memory_only:
+        show_memory(memory(runs), as_json)
+    else:
+        compare_times(full, as_json)
+
+
+def show_memory(samples: Sequence[dict[str, float]], as_json: bool) -> None:
+    """Print what was measured."""
+    if as_json:
+        print(json.dumps({"memory": samples}))
+        return
+    for sample in samples:
+        told = f"study {sample['study_mb']:.0f} MB, largest worker {sample['largest_worker_mb']:.0f} MB"
+        print(f"after {sample['runs']:.0f} runs: {told}")
+
+
+def compare_times(full: bool, as_json: bool) -> None:
+    """Time the campaign and the two other ways, and print them."""
     config = load_config(CONFIG)
     with tempfile.TemporaryDirectory() as folder:
         path = write_list(Path(folder))

@@ -195,13 +195,13 @@ def provenance(configuration: Mapping[str, Any], motion: GroundMotion) -> dict[s
     return {
         "configuration": configuration,
         "motion": {"name": motion.name, "sha256": motion.sha256, "source": motion.source},
-        "versions": dict(_versions()),
+        "versions": dict(software_versions()),
     }
 
 
 @functools.cache
-def _versions() -> Mapping[str, str]:
-    """Return the versions; to look them up takes longer than many a run."""
+def software_versions() -> Mapping[str, str]:
+    """Return the versions of this project and what it computes with; to look them up takes longer than many a run."""
     return {
         "bmd_rths": __version__,
         "python": platform.python_version(),

@@ -29,6 +29,9 @@ ANSWER_PERIOD = 0.0005
 #: What else than a ramp to rest the numerical substructure can ask for at the end of a test.
 _ACTIONS_AT_THE_END = {action.name.lower(): action for action in (Action.HOLD, Action.EMERGENCY_STOP)}
 
+#: What is told of the motion of the table, the acceleration as it is applied; each has a limit in the section safety.
+_LIMITED = ("displacement", "acceleration", "force")
+
 
 class TableDriverNode(StageNode):
     """Node around a `bmd_rths_core.table.controller.TableController`, simulated or real.
@@ -74,6 +77,7 @@ class TableDriverNode(StageNode):
         self._outcome = ""
         self._moving = self._ended = False
         self._command_time = 0.0
+        self._motion = self._peaks = (0.0,) * len(_LIMITED)
         self._last_step = self._last_passed = -1
         self._silence_due = self._advance_due = math.inf
 
@@ -100,8 +104,18 @@ class TableDriverNode(StageNode):
                 "supervisor": self._supervisor.state.value,
                 "trips": " | ".join(str(trip) for trip in self._supervisor.trips),
                 "outcome": self._outcome,
+                **self._motion_and_limits(),
                 **self._table.statistics(),
             }
+        return values
+
+    def _motion_and_limits(self) -> dict[str, str]:
+        """Return what the table does, what it did at most in this test, and what it may do."""
+        limits = self.config.safety
+        values: dict[str, str] = {}
+        for name, now, peak in zip(_LIMITED, self._motion, self._peaks, strict=True):
+            values |= {name: f"{now:.6g}", f"peak_{name}": f"{peak:.6g}"}
+            values[f"{name}_limit"] = repr(getattr(limits, f"{name}_limit"))
         return values
 
     def poll(self, now: float) -> float:
@@ -226,6 +240,9 @@ class TableDriverNode(StageNode):
         self._supervisor.observe(measurement)
         if measurement.step <= self._last_passed:  # the way to rest is no part of the test
             self._send_measurement(measurement.step, measurement)
+        self._motion = (measurement.table_displacement, measurement.applied_command, measurement.actuator_force)
+        # What is not measured is NaN, which is not larger than the peak.
+        self._peaks = tuple(max(peak, abs(value)) for peak, value in zip(self._peaks, self._motion, strict=True))
 
     def _fail(self, error: Exception) -> None:
         """Stop the table as fast as it can, because its controller cannot go on."""

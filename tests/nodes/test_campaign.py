@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from random import Random
 
 import distributed
 import pytest
@@ -197,6 +198,58 @@ def test_killed_study_goes_on_and_leaves_no_process(records, tmp_path):
     keys = [line.partition(b",")[0] for line in after.splitlines()[1:]]
     assert len(keys) == len(set(keys)) == 480
     assert len(json.loads(finished.stdout)["runs"]) == 480
+
+
+def test_study_killed_at_random_times_gives_what_an_uninterrupted_one_gives(run_main, bmd_rths, records, tmp_path):
+    """Three times SIGKILL, each after some more results; the last command finds every run once."""
+    values = ",".join(str(i) for i in range(24))
+    arguments = ("--motions", records, "--vary", f"run.seed={values}", "--schemes", "uc,plc_fc", "--json")
+    killed = ["campaign", CONFIG, *arguments, "--jobs", 1, "--output", tmp_path / "killed"]
+    results = tmp_path / "killed" / CSV_NAME
+    random = Random(5)
+    size = 0
+    for _ in range(3):
+        size += random.randrange(1, 3000)
+        child = bmd_rths(*killed)
+        _wait_until(lambda size=size: results.exists() and results.stat().st_size > size, child.process)
+        child.process.kill()
+        child.process.wait()
+        size = results.stat().st_size
+    status, resumed, _ = run_main(*killed)
+    assert status == 0
+    assert len(results.read_text().splitlines()) == 1 + 96
+    _, whole, _ = run_main("campaign", CONFIG, *arguments, "--jobs", 1, "--output", "whole")
+    for run, expected in zip(runs_of(resumed), runs_of(whole), strict=True):
+        # Runs beside others and alone differ by rounding.
+        assert run.pop("rmse_percent") == pytest.approx(expected.pop("rmse_percent"), rel=1e-12)
+        assert run.pop("tracking_delay_ms") == pytest.approx(expected.pop("tracking_delay_ms"), rel=1e-9)
+        assert run == expected
+
+
+def test_lockstep_bags_give_the_tables_of_the_campaign(run_main, bmd_rths, records):
+    """From the bags of the ROS graph alone, with the noise of the same seed: every digit that is shown."""
+    schemes = ("uc", "fc", "plc", "plc_fc")
+    bags = [_lockstep_bag(bmd_rths, file, scheme) for scheme in schemes for file in sorted(records.glob("*.csv"))]
+    status, from_bags, _ = run_main("analyze", *bags)
+    assert status == 0
+    _, expected, _ = run_main(*campaign("--motions", records))
+    assert from_bags == expected.partition("results: ")[0]
+    _, output, _ = run_main("analyze", *bags, "--json")
+    _, simulated, _ = run_main(*campaign("--motions", records, "--json"))
+    for ours, theirs in zip(runs_of(output), runs_of(simulated), strict=True):
+        assert ours["rmse_percent"] == pytest.approx(theirs["rmse_percent"], rel=1e-9)
+
+
+def _lockstep_bag(bmd_rths, record, scheme):
+    """Return the bag of a run; on a busy machine the recorder may lose messages, which the result tells."""
+    for _ in range(5):
+        arguments = ("--scheme", scheme, "--motion", record, "--set", "run.preflight=skip")
+        run = bmd_rths("run", CONFIG, *arguments, "--lockstep", "--composed", "--json").wait()
+        assert run.status == 0, run.errors
+        result = json.loads(run.output)
+        if not result["missing_values"]:
+            return result["bag"]
+    raise AssertionError(result)
 
 
 def test_killed_process_ends_the_study_in_one_clear_line(run_main, records, monkeypatch):

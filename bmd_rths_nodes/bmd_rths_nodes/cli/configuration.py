@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,15 +64,7 @@ class ConfigChoice:
         InputError
             Anything is wrong with it.
         """
-        for setting in self.settings:
-            name, equals, value = setting.partition("=")
-            section, dot, key = name.partition(".")
-            if not (equals and dot and key):
-                raise InputError(f"--set {setting}: SECTION.KEY=VALUE is required")
-            try:
-                changes[f"{section}__{key}"] = yaml.safe_load(value)
-            except yaml.YAMLError as error:
-                raise InputError(f"--set {setting}: {value!r} is not a YAML value") from error
+        changes |= parsed_settings(self.settings)
         options = {
             "run__scheme": self.scheme,
             "ground_motion__record": self.motion,
@@ -92,6 +84,37 @@ class ConfigChoice:
         return resolved.changed(ground_motion__record=os.path.abspath(record))
 
 
+def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
+    """Return what ``--set`` says.
+
+    Parameters
+    ----------
+    settings : iterable of str
+        ``section.key=value``.
+
+    Returns
+    -------
+    dict of str to object
+        Changes as `Config.changed` takes them.
+
+    Raises
+    ------
+    InputError
+        One of them is malformed.
+    """
+    changes: dict[str, object] = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        section, dot, key = name.partition(".")
+        if not (equals and dot and key):
+            raise InputError(f"--set {setting}: SECTION.KEY=VALUE is required")
+        try:
+            changes[f"{section}__{key}"] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise InputError(f"--set {setting}: {value!r} is not a YAML value") from error
+    return changes
+
+
 #: Options that only some commands have.
 _OPTIONS = {
     "scheme": click.option("--scheme", type=click.Choice(SCHEME_NAMES), help="Compensation scheme."),
@@ -101,6 +124,18 @@ _OPTIONS = {
     ),
     "component": click.option("--component", metavar="NAME", help="Component of a record with several."),
 }
+
+
+model_option = click.option(
+    "--model",
+    "models",
+    multiple=True,
+    metavar="FILE",
+    help="Parameters over those of the configuration, as `bmd-rths identify` writes them; may be repeated.",
+)
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="SECTION.KEY=VALUE", help="Any other parameter; repeatable."
+)
 
 
 def configured(*names: str, default: str | None = None) -> Callable[[Command], Command]:
@@ -128,16 +163,8 @@ def configured(*names: str, default: str | None = None) -> Callable[[Command], C
         decorators = (
             click.argument("config", metavar="CONFIG" if default is None else "[CONFIG]", default=default),
             *(_OPTIONS[name] for name in names),
-            click.option(
-                "--model",
-                "models",
-                multiple=True,
-                metavar="FILE",
-                help="Parameters over those of CONFIG, as `bmd-rths identify` writes them; may be repeated.",
-            ),
-            click.option(
-                "--set", "settings", multiple=True, metavar="SECTION.KEY=VALUE", help="Any other parameter; repeatable."
-            ),
+            model_option,
+            set_option,
         )
         for decorator in reversed(decorators):
             with_choice = decorator(with_choice)

@@ -15,7 +15,10 @@ from bmd_rths_core.version import __version__
 from bmd_rths_nodes.cli.options import log
 
 #: Commands in the order of the help; each is the function of its name in the module of its name.
-COMMANDS = ("run", "simulate", "campaign", "stability", "identify", "analyze", "figures", "motions", "emulate")
+COMMANDS = (
+    *("run", "simulate", "campaign", "stability", "identify"),
+    *("analyze", "replay", "monitor", "figures", "motions", "emulate"),
+)
 
 
 class LazyGroup(click.Group):

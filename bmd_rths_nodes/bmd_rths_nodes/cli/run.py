@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import signal
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -20,6 +17,7 @@ from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
 from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.hardware.controllers import make_table_controller
@@ -115,7 +113,7 @@ def _run(config: Config, steps: int, modules: tuple[str, ...]) -> Path:
     """Run the processes to the end of the test and return the bag."""
     with (
         tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch,
-        _interrupts() as interrupts,
+        collected_interrupts() as interrupts,
         RunMonitor() as monitor,
     ):
         others = monitor.nodes_already_there()
@@ -195,17 +193,3 @@ def _excuse(monitor: RunMonitor, asked_to_stop: bool, started: bool) -> str:
         f"the nodes did not find each other within {START_TIMEOUT:g} s; "
         f"waiting for {waiting_for or 'the recorder'}{why}"
     )
-
-
-@contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Collect SIGINT and SIGTERM in a list instead of dying of them."""
-    received: list[int] = []
-    before = {
-        number: signal.signal(number, lambda n, _: received.append(n)) for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -22,18 +22,21 @@ DISCOVERY_TIME = 0.5
 
 
 class RunMonitor:
-    """A node that listens to /diagnostics; a context manager, one in a process.
+    """A node that listens to /diagnostics and publishes nothing; a context manager, one in a process.
 
     Attributes
     ----------
     status : dict of str to NodeStatus
         Latest status of every role heard of.
+    heard : dict of str to float
+        When it came, by `time.perf_counter` [s].
     table : TriggerClients
         Stop and emergency stop of the table driver.
     """
 
     def __init__(self) -> None:
         self.status: dict[str, NodeStatus] = {}
+        self.heard: dict[str, float] = {}
 
     def __enter__(self) -> RunMonitor:
         """Start listening."""
@@ -65,8 +68,18 @@ class RunMonitor:
         while (left := end - time.perf_counter()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
+    def spin_too(self, node: Node) -> None:
+        """Take the messages of another node of this process too, until it is destroyed.
+
+        Parameters
+        ----------
+        node : Node
+            The node.
+        """
+        self._executor.add_node(node)
+
     def nodes_already_there(self) -> list[str]:
-        """Return the nodes of another run on the same domain.
+        """Return the nodes of another run on the same domain, once there was time to discover them.
 
         Returns
         -------
@@ -74,9 +87,20 @@ class RunMonitor:
             Roles, empty when the domain is free.
         """
         self.update(DISCOVERY_TIME)
+        return self.nodes_there()
+
+    def nodes_there(self) -> list[str]:
+        """Return the nodes of a run that are discovered by now.
+
+        Returns
+        -------
+        list of str
+            Roles.
+        """
         names = self._node.get_node_names_and_namespaces()
         return sorted({name for name, namespace in names if namespace == f"/{NAMESPACE}" and name in ROLES})
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for told in status.from_message(message):
             self.status[told.role] = told
+            self.heard[told.role] = time.perf_counter()

@@ -1,0 +1,145 @@
+"""``bmd-rths monitor``: what the run on this ROS domain does, live in the terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from typing import Any
+
+import click
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_nodes.cli.interrupts import collected_interrupts
+from bmd_rths_nodes.cli.options import json_option, log
+from bmd_rths_nodes.cli.results import without_nan
+from bmd_rths_nodes.ros.monitor import RunMonitor
+from bmd_rths_nodes.snapshot import COUNTS, take_snapshot
+
+#: Time between two pictures [s]; nodes tell their status once a second while a test runs.
+_PERIOD = 0.25
+
+#: Longest wait for a status of every node [s]; each tells it once a second.
+_LONGEST_WAIT = 3.0
+
+#: A node that has told nothing for this long is shown as silent [s].
+_SILENT = 2.5
+
+_UNITS = {"displacement": (1e3, "mm"), "acceleration": (1.0, "m/s²"), "force": (1e-3, "kN")}
+_QUANTITIES = {"displacement": "displacement", "acceleration": "command", "force": "actuator force"}
+
+
+@click.command(epilog="Example: bmd-rths monitor --once --json")
+@click.option("--once", is_flag=True, help="Print one picture and leave.")
+@json_option
+def monitor(once: bool, as_json: bool) -> int:
+    """Watch the run on this ROS domain: nodes, deadlines, table, limits and recording.
+
+    It only listens to /diagnostics; a test neither notices it nor waits for it. Ctrl-C ends it and nothing else.
+    --json implies --once.
+    """
+    with collected_interrupts() as interrupts, RunMonitor() as run:
+        if once or as_json:
+            return _print_once(run, as_json)
+        with Live(console=Console(), auto_refresh=False) as live:
+            while not interrupts:
+                run.update(_PERIOD)
+                snapshot = _snapshot(run)
+                page = _page(snapshot) if snapshot["nodes"] else Text(f"{_nothing()}; waiting for one (Ctrl-C ends)")
+                live.update(page, refresh=True)
+    return 0
+
+
+def _print_once(run: RunMonitor, as_json: bool) -> int:
+    """Wait until every role of a run has told its status, or for what there is, and print it."""
+    give_up = time.perf_counter() + _LONGEST_WAIT
+    while time.perf_counter() < give_up and not set(ROLES) <= set(run.status):
+        run.update(0.05)
+    snapshot = _snapshot(run)
+    if not snapshot["nodes"]:
+        log(f"error: {_nothing()}")
+        return 1
+    if as_json:
+        click.echo(json.dumps(without_nan(snapshot)))
+    else:
+        Console().print(_page(snapshot))
+    return 0
+
+
+def _nothing() -> str:
+    return f"no run is on ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}"
+
+
+def _snapshot(run: RunMonitor) -> dict[str, Any]:
+    now = time.perf_counter()
+    return take_snapshot(run.status, {role: now - heard for role, heard in run.heard.items()}, run.nodes_there())
+
+
+def _page(snapshot: dict[str, Any]) -> RenderableType:
+    """Return what a person sees."""
+    parts: list[RenderableType] = [_nodes(snapshot["nodes"])]
+    if snapshot["test"]:
+        parts.append(_test(snapshot["test"]))
+    if snapshot["table"]:
+        parts.append(_table(snapshot["table"]))
+    recording = snapshot["recording"]
+    if recording:
+        size = "" if recording["bytes"] is None else f", {1e-6 * recording['bytes']:.1f} MB"
+        parts.append(Text(f"bag: {recording['bag']} ({recording['messages']} messages{size})"))
+    return Group(*parts)
+
+
+def _nodes(nodes: dict[str, Any]) -> Table:
+    table = Table(title="nodes", title_justify="left", title_style="bold")
+    for column in ("node", "state", "messages lost", "told"):
+        table.add_column(column)
+    for role, node in nodes.items():
+        silent = node["state"] is None or not node["there"] or node["told_s_ago"] > _SILENT
+        state = node["state"] or "not known"
+        counts = (f"{node[name]} {name.replace('_', ' ')}" for name in COUNTS if node.get(name))
+        message = "" if node["message"] == state else node["message"]
+        if not node["there"]:
+            message = "gone"
+        elif node["state"] is not None and silent:
+            message = f"silent for {node['told_s_ago']:.0f} s"
+        style = "red" if silent or state == "tripped" else ""
+        table.add_row(role, Text(state, style), Text(", ".join(counts)), Text(message, style))
+    return table
+
+
+def _test(test: dict[str, Any]) -> Table:
+    closure = ", ".join(f"{name} {value:.2f}" for name, value in test["closure_ms"].items() if value is not None)
+    rows = {
+        "step": f"{test['step']} of {test['steps']}, {test['clock']}",
+        "missed deadlines": f"{test['missed_deadlines']}, at most {test['max_consecutive_misses']} in a row",
+        "closure of a step": f"{closure} ms" if closure else "",
+        "stability indicator": f"{test['stability_indicator']}",
+        "waiting for": test["waiting_for"],
+        "trip": test["trip"],
+        "outcome": test["outcome"],
+    }
+    return _two_columns("test", rows)
+
+
+def _table(table: dict[str, Any]) -> Table:
+    rows = {"controller": f"{table['controller']}, {table['table']}", "supervisor": table["supervisor"]}
+    for name, (scale, unit) in _UNITS.items():
+        motion = table[name]
+        if None not in motion.values():
+            now, peak, limit = (scale * motion[key] for key in ("now", "peak", "limit"))
+            share = f", {100 * peak / limit:.0f} % of the limit {limit:.4g}"
+            rows[_QUANTITIES[name]] = f"{now:.3g} {unit}, at most {peak:.3g}{share}"
+    rows["trips"] = "\n".join(table["trips"])
+    return _two_columns("table", rows)
+
+
+def _two_columns(title: str, rows: dict[str, str]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", show_header=False)
+    for name, value in rows.items():
+        if value:
+            table.add_row(name, Text(value))
+    return table
