@@ -29,6 +29,9 @@ from bmd_rths_nodes.ros.status import NodeStatus
 #: In lockstep, a step that has not closed after this time ends the test [s].
 LOCKSTEP_TIMEOUT = 5.0
 
+#: In lockstep the loop waits when it is so many steps ahead of the recorder: fewer than a publisher keeps.
+LONGEST_LEAD = 400
+
 #: Time between the moment all nodes are ready and step 0 [s].
 START_DELAY = 0.05
 
@@ -79,6 +82,8 @@ class NumericalSubstructureNode(StageNode):
         self._step = 0
         self._feedback = 0.0
         self._due = math.inf
+        self._recorded_steps = 0
+        self._waits_for_recorder = False
         self._outcome = ""
         self._trip: Trip | None = None
 
@@ -131,7 +136,8 @@ class NumericalSubstructureNode(StageNode):
             elif self.state != status.RUNNING:  # a peer was lost between the decision to start and the start
                 self._due = math.inf
             elif self._lockstep:
-                self._end("failed", f"step {self._step - 1} did not close within {LOCKSTEP_TIMEOUT:g} s")
+                waited_for = "was not recorded" if self._waits_for_recorder else "did not close"
+                self._end("failed", f"step {self._step - 1} {waited_for} within {LOCKSTEP_TIMEOUT:g} s")
             else:
                 self._tick(now)
         return min(super().poll(now), self._due)
@@ -191,12 +197,24 @@ class NumericalSubstructureNode(StageNode):
         # A shear that comes too late is a missed deadline, but still newer than the one that is held.
         self._feedback = force
         if self._deadlines.closed(step, time.perf_counter()) and self._lockstep:
+            self._begin_step_when_recorded()
+
+    def _begin_step_when_recorded(self) -> None:
+        """Begin the next step of lockstep unless the recorder is far behind: it would lose what nobody keeps."""
+        lead = self._step - self._recorded_steps
+        self._waits_for_recorder = self.config.run.record and lead > LONGEST_LEAD
+        if not self._waits_for_recorder:
             self._begin_step()
 
     def _on_peer(self, peer: NodeStatus) -> None:
         if peer.state == status.TRIPPED and self.state == status.RUNNING:
             self._end(peer.values.get("outcome") or "failed", f"{peer.role}: {peer.message}")
         self._heard[peer.role] = time.perf_counter()
+        if peer.role == RECORDER:
+            told = peer.values.get("recorded_steps", "")
+            self._recorded_steps = int(told) if told.isdecimal() else 0
+            if self._waits_for_recorder and self.state == status.RUNNING:
+                self._begin_step_when_recorded()
         if peer.state == status.READY:
             self._ready_peers.add(peer.role)
         else:

@@ -26,8 +26,14 @@ from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.versions import ros_versions
 
-#: The bag is closed when the test has ended, the table is at rest and nothing more has come for this long [s].
+#: The bag is closed when the test has ended, the table is at rest and nothing more has come for this long [s] ...
 QUIET_PERIOD = 0.2
+
+#: ... and for so many looks: a process that got no turn for that time has messages to read.
+QUIET_LOOKS = 4
+
+#: In lockstep the recorder tells how far it is after so many steps, and the numerical substructure waits for it.
+TELL_STEPS = 100
 
 #: A test that is under way but silent for this long has lost its numerical substructure [s]; longer than a step of
 #: lockstep may take, and than the way of the table to rest.
@@ -70,7 +76,10 @@ class RecorderNode(StageNode):
         self._bag = str(directory)
         self._flush_due = 0.0
         self._last_message = time.perf_counter()
+        self._quiet_looks = 0
         self._messages = 0
+        self._next_step = {topic.full_name: 0 for topic in TOPICS.values() if topic is not DIAGNOSTICS}
+        self._steps_told_of = 0
         self._end: NodeStatus | None = None
         self._table_moves = False
 
@@ -88,8 +97,10 @@ class RecorderNode(StageNode):
         return self.state == status.READY and self.steps > 0 and self._writer is not None
 
     def status_values(self) -> dict[str, str]:
-        """Tell the bag and how many messages are in it."""
-        return {"bag": self._bag, "messages": str(self._messages)} if self._bag_was_opened() else {}
+        """Tell the bag, how many messages are in it, and how many steps are complete."""
+        if not self._bag_was_opened():
+            return {}
+        return {"bag": self._bag, "messages": str(self._messages), "recorded_steps": str(self._recorded_steps())}
 
     def poll(self, now: float) -> float:
         """Flush the bag, and close it when the test has ended."""
@@ -98,12 +109,27 @@ class RecorderNode(StageNode):
                 self._guarded(self._writer.flush)
                 self._flush_due = now + self.config.recorder.flush_period
             silence = now - self._last_message
-            if self._end is not None and silence > (LONGEST_SILENCE if self._table_moves else QUIET_PERIOD):
+            self._quiet_looks += 1
+            if self._end is not None and self._is_quiet(silence):
                 self._close_as_told(self._end)
             elif self._end is None and self.steps > 0 and silence > LONGEST_SILENCE:
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return min(super().poll(now), self._flush_due)
         return super().poll(now)
+
+    def _is_quiet(self, silence: float) -> bool:
+        """Tell whether nothing more is to be expected."""
+        longest = LONGEST_SILENCE if self._table_moves else QUIET_PERIOD
+        return silence > longest and self._quiet_looks > QUIET_LOOKS
+
+    def _recorded_steps(self) -> int:
+        return min(self._next_step.values())
+
+    def _tell_lockstep(self) -> None:
+        """Tell how far the recording is, so that the loop does not run away from it."""
+        if self._recorded_steps() >= self._steps_told_of + TELL_STEPS:
+            self._steps_told_of = self._recorded_steps()
+            self.publish_status()
 
     def _bag_was_opened(self) -> bool:
         return self.configured and bool(self._bag)
@@ -111,22 +137,24 @@ class RecorderNode(StageNode):
     def _recorder_of(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that records the messages of a topic and counts those that did not come."""
         name, type_name, time_step_ns = topic.full_name, topic.type_name, self.config.run.time_step_ns
-        expected = 0
+        lockstep = self.config.run.lockstep
 
         def on_message(data: bytes) -> None:
-            nonlocal expected
             if self._writer is None:
                 return
             self._record(name, type_name, data)
             self._last_message = time.perf_counter()
+            self._quiet_looks = 0
             self.steps += 1
             try:
                 step = read_stamp(data) // time_step_ns
             except MalformedMessage:
                 self.malformed += 1
                 return
-            self.lost += max(0, step - expected)
-            expected = step + 1
+            self.lost += max(0, step - self._next_step[name])
+            self._next_step[name] = step + 1
+            if lockstep:
+                self._tell_lockstep()
 
         return on_message
 

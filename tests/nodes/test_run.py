@@ -7,9 +7,11 @@ import time
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from rclpy.qos import QoSProfile
 from rosbags.highlevel import AnyReader
 
 from bmd_rths_core.config import load_config
@@ -59,6 +61,27 @@ def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadlin
     first_miss = min(record.timing.missed_steps, default=record.steps)
     for name, signal_ in record.signals().items():
         assert np.array_equal(signal_[:first_miss], expected.signals()[name][:first_miss]), name
+
+
+def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, client, domain):
+    """The numerical substructure stands still until the recorder goes on, and the bag has every value."""
+    steps = []
+
+    def on_diagnostics(message):
+        for entry in message.status:
+            values = {pair.key: pair.value for pair in entry.values}
+            if entry.name == "/rths/numerical_substructure" and int(values.get("step", 0)) > 0:
+                steps.append(int(values["step"]))
+
+    client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
+    child = bmd_rths("run", CONFIG, "--lockstep", "--composed", "--output", tmp_path, "--json")
+    wait_until(lambda: begun(tmp_path))
+    (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder" in command)
+    os.kill(recorder, signal.SIGSTOP)
+    wait_until(lambda: client.spin_some() or (len(steps) > 2 and steps[-2] == steps[-1]))
+    os.kill(recorder, signal.SIGCONT)
+    assert 100 < steps[-1] < 6237
+    assert read_bag(finished(child)["bag"]).same_signals(in_process())
 
 
 def test_composed_lockstep_equals_the_loop_in_process(bmd_rths, tmp_path):

@@ -7,10 +7,10 @@ serves both kinds of subscription.
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-#: Offered by every publisher of the loop: half a second of messages at 200 Hz for the recorder to catch up.
+#: Offered by every publisher of the loop: five seconds of messages at 200 Hz for the recorder to catch up.
 PUBLISHER = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=100,
+    depth=1000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
