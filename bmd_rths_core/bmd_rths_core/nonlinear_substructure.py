@@ -34,8 +34,8 @@ class NonlinearSubstructure:
 
     Attributes
     ----------
-    displacements : ndarray, shape (n,)
-        Displacements of the floors relative to the ground at the last step [m].
+    displacements, velocities : ndarray, shape (n,)
+        Motion of the floors relative to the ground at the last step [m, m/s].
 
     Raises
     ------
@@ -56,7 +56,7 @@ class NonlinearSubstructure:
         self._initial_stiffness = building.initial_stiffness_matrix
         self._stories = building.stories()
         self._integrator = ExplicitIntegrator(parameters, system.mass, system.damping, self._stories.floor_forces)
-        self.displacements = self._integrator.displacement
+        self.displacements, self.velocities = self._integrator.displacement, self._integrator.velocity
         self._masses = building.masses
         self._interface_mass = float(building.masses[-1])
         self._interface_damping = system.damping[-1].copy()

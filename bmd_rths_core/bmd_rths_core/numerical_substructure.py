@@ -84,8 +84,8 @@ class NumericalSubstructure:
 
     Attributes
     ----------
-    displacements : ndarray, shape (n,)
-        Displacements of the floors relative to the ground at the last step [m].
+    displacements, velocities : ndarray, shape (n,)
+        Motion of the floors relative to the ground at the last step [m, m/s].
     """
 
     def __init__(self, config: NumericalSubstructureConfig, time_step: float) -> None:
@@ -99,7 +99,7 @@ class NumericalSubstructure:
         self._transition = np.hstack((phi, gamma_0, gamma_1))
         self._stacked = np.zeros(2 * n + 4)
         self._state = np.zeros(2 * n)
-        self.displacements = self._state[:n]
+        self.displacements, self.velocities = self._state[:n], self._state[n:]
         self._interface_mass = building.masses[-1]
         self._restoring = np.hstack((building.stiffness_matrix[-1], building.damping_matrix[-1]))
         self._started = False

@@ -62,7 +62,7 @@ def reference_responses(
     # The state is the motion at this step but for what the ground of this step adds, so that step 0 is at rest.
     system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, c, c @ gamma_1)
     lengths = [len(ground) for ground in ground_accelerations]
-    grounds = np.zeros((max(1, *lengths), len(lengths)))
+    grounds = np.zeros((max(1, *lengths), len(lengths)))  # a row to begin from, also for no step at all
     for i, ground in enumerate(ground_accelerations):
         grounds[: len(ground), i] = ground
     simulation = LinearSimulation(system, -gamma_1 * grounds[:1])

@@ -51,7 +51,7 @@ def read_bag(path: Path | str) -> RunRecord:
     """
     path = Path(path)
     try:
-        contents = _Contents(_bag_files(path))
+        contents = _Contents(bag_files(path))
         if START_RECORD not in contents.metadata:
             contents.take_custom_data(path / "metadata.yaml")
     except OSError as error:
@@ -62,8 +62,19 @@ def read_bag(path: Path | str) -> RunRecord:
         raise InputError(f"{path}: {error}") from error
 
 
-def _bag_files(path: Path) -> list[Path]:
-    """Return the MCAP files of a bag in the order in which they were written."""
+def bag_files(path: Path) -> list[Path]:
+    """Return the MCAP files of a bag in the order in which they were written.
+
+    Parameters
+    ----------
+    path : Path
+        Bag directory or MCAP file.
+
+    Raises
+    ------
+    InputError
+        A directory has none.
+    """
     if not path.is_dir():
         return [path]
     files = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
@@ -86,7 +97,7 @@ class _Contents:
     def _read(self, data: bytes) -> bool:
         """Take one file; tell whether it is whole."""
         topics: dict[int, str] = {}
-        for record in _records_until_damage(data):
+        for record in records_until_damage(data):
             if isinstance(record, Message):
                 if record.channel_id in topics:
                     self.messages[topics[record.channel_id]].append(record.data)
@@ -184,8 +195,14 @@ class _Contents:
         return outcome, "; ".join(reasons)
 
 
-def _records_until_damage(data: bytes) -> Iterator[McapRecord]:
-    """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum."""
+def records_until_damage(data: bytes) -> Iterator[McapRecord]:
+    """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    """
     records = StreamReader(BytesIO(data), validate_crcs=True, record_size_limit=len(data)).records
     while True:
         try:

@@ -18,7 +18,7 @@ DOUBLE_COLUMN = 180.0
 RESOLUTION = 300
 
 #: Colours of Okabe and Ito (2008).
-BLACK, BLUE, VERMILION, ORANGE = "#000000", "#0072B2", "#D55E00", "#E69F00"
+BLACK, BLUE, VERMILION, ORANGE, GREEN = "#000000", "#0072B2", "#D55E00", "#E69F00", "#009E73"
 
 #: Curves, told apart by their dashes where there is no colour; then marked points.
 LINES: tuple[dict[str, Any], ...] = (

@@ -3,25 +3,55 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import click
+from rich.progress import BarColumn, TextColumn
 
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.report.analysis import RunAnalysis, analysed
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.error_tables import result_with_event, show_error_tables
-from bmd_rths_nodes.cli.options import json_option, log
+from bmd_rths_nodes.cli.options import json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 
 
-@click.command(epilog="Example: bmd-rths analyze bags/el_centro_1940_ns_plc_fc_20260801_101500")
+@click.command(epilog="Example: bmd-rths analyze bags/el_centro_1940_ns_plc_fc_20260801_101500 --report report.html")
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True)
+@click.option(
+    "--report",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write a report with all figures, too: one web page (.html) or the same for print (.pdf).",
+)
 @json_option
-def analyze(bags: tuple[str, ...], as_json: bool) -> int:
+def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
     """Compute the errors of recorded tests against the reference, from their bags alone.
 
-    Of one bag everything is told; of several, Tables 2 and 3 of the paper beside the paper's numbers.
+    Of one bag everything is told; of several, Tables 2 and 3 of the paper beside the paper's numbers. The report of
+    several bags compares them.
     """
-    results = [_result(bag) for bag in bags]
+    if report is not None:
+        # Imported here: it takes as long as everything else for a result without a report.
+        from bmd_rths_nodes.report.files import check_report_file, write_report
+
+        check_report_file(report)
+    results: list[dict[str, Any]] = []
+    analyses: list[RunAnalysis] = []
+    with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
+        task = progress.add_task("reading", total=len(bags) + (report is not None))
+        for bag in bags:
+            analysis = _analysed(bag)
+            results.append(_result(analysis, bag))
+            if report is not None:  # otherwise many bags need no memory
+                analyses.append(analysis)
+            progress.advance(task)
+        if report is not None:
+            progress.update(task, description="drawing")
+            write_report(analyses, report)
+    if report is not None:
+        log(f"report: {report}")
     if len(results) == 1:
         (result,) = results
         show({name: value for name, value in result.items() if name not in _OF_MANY}, as_json)
@@ -36,8 +66,15 @@ def analyze(bags: tuple[str, ...], as_json: bool) -> int:
 _OF_MANY = ("event", "file", "variation")
 
 
-def _result(bag: str) -> dict[str, Any]:
+def _analysed(bag: str) -> RunAnalysis:
     record = read_bag(bag)
     if record.outcome == "cut":
         log(f"warning: {bag}: {record.reason}")
-    return result_with_event({**result_of(record), "bag": bag}, record.motion["source"])
+    try:
+        return analysed(record)
+    except InputError as error:
+        raise InputError(f"{bag}: configuration: {error}") from error
+
+
+def _result(analysis: RunAnalysis, bag: str) -> dict[str, Any]:
+    return result_with_event({**result_of(analysis), "bag": bag}, analysis.record.motion["source"])

@@ -11,36 +11,41 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bmd_rths_core.metrics import run_metrics
-from bmd_rths_core.record import RunRecord
+from bmd_rths_core.report.analysis import RunAnalysis
 
 
-def result_of(record: RunRecord) -> dict[str, Any]:
+def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     """Return everything a command tells about a run, as plain values.
 
     Parameters
     ----------
-    record : RunRecord
-        The run.
+    analysis : RunAnalysis
+        The run and its errors.
 
     Returns
     -------
     dict
         The object of ``--json``. Errors of a run that a limit ended are None.
     """
-    metrics = run_metrics(record)
+    record, metrics = analysis.record, analysis.metrics
+    criteria = analysis.criteria.by_symbol()
     result = {
         "scheme": record.configuration["run"]["scheme"],
         "motion": record.motion["name"],
         "steps": record.steps,
+        "duration_s": record.steps * record.time_step,
         "stable": record.stable,
         "outcome": record.outcome,
         "reason": record.reason,
         "rmse_percent": metrics.rmse_percent if record.stable else dict.fromkeys(metrics.rmse_percent),
         "floor_rmse_percent": list(metrics.floor_rmse_percent) if record.stable else None,
         "tracking_delay_ms": metrics.tracking_delay_ms,
+        "benchmark_criteria": criteria if record.stable else dict.fromkeys(criteria),
+        "table_peaks": analysis.peaks._asdict(),
         "missing_values": metrics.missing_values,
     }
+    if analysis.ductility is not None:
+        result["ductility"] = list(analysis.ductility)
     if record.timing is not None:
         result["missed_deadlines"] = record.timing.missed_deadlines
         result["max_consecutive_misses"] = record.timing.max_consecutive_misses
@@ -69,7 +74,11 @@ def show(result: dict[str, Any], as_json: bool) -> None:
             "not computed, a limit ended the test" if not result["stable"] else _number(value, "%"),
         )
     table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))
-    table.add_row("steps", str(result["steps"]))
+    table.add_row("peaks of the table", _table_peaks(result["table_peaks"]))
+    if "ductility" in result:
+        table.add_row("ductility, ground up", ", ".join(_number(value, "").strip() for value in result["ductility"]))
+    extent = f" ({result['duration_s']:g} s, not the whole ground motion; every number holds for that alone)"
+    table.add_row("steps", f"{result['steps']}{'' if result['outcome'] == 'finished' else extent}")
     if result["missing_values"]:
         table.add_row("values not recorded", str(result["missing_values"]))
     if "closure_ms" in result:
@@ -79,6 +88,14 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     Console(soft_wrap=True).print(table)
     if "bag" in result:
         click.echo(f"bag: {result['bag']}")
+
+
+def _table_peaks(peaks: dict[str, float | None]) -> str:
+    """Return the peaks of the table's motion in words."""
+    parts = (("displacement", 1e3, "mm"), ("velocity", 1e3, "mm/s"), ("acceleration", 1.0, "m/s²"))
+    return ", ".join(
+        _number(None if (value := peaks[name]) is None else scale * value, unit) for name, scale, unit in parts
+    )
 
 
 def _number(value: float | None, unit: str) -> str:

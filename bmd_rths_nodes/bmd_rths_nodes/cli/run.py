@@ -13,6 +13,7 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
 from bmd_rths_nodes.cli import preflight
@@ -105,7 +106,7 @@ def run(
     if record.outcome == "failed" and "deadlines in a row" in record.reason:
         log(_TOO_SLOW)
     predicted = None if prediction is None else preflight.as_mapping(prediction)
-    show({**result_of(record), "preflight": predicted, "bag": str(bag)}, as_json)
+    show({**result_of(analysed(record)), "preflight": predicted, "bag": str(bag)}, as_json)
     return 0 if record.outcome == "finished" else 1
 
 

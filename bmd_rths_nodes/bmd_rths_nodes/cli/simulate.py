@@ -9,6 +9,7 @@ import click
 
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, output_folder, progress_bar
@@ -28,7 +29,7 @@ def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
         with progress_bar() as progress:
             task = progress.add_task(f"{ground_motion.name}, {resolved.run.scheme}", total=ground_motion.steps)
             record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
-        result = result_of(record)
+        result = result_of(analysed(record))
         if output is not None:
             directory = new_bag_directory(output, ground_motion.name, resolved.run.scheme)
             result["bag"] = str(write_record(record, directory))

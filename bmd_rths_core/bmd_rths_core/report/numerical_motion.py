@@ -1,0 +1,131 @@
+"""Motion and forces of the numerical substructure, computed again from what is in the record.
+
+The record holds what the substructure was driven by, not its displacements. The stage itself, given the same
+inputs, returns them. The shear that acted at a step is its `required_force`, whichever shear that was in real time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.assembly import make_numerical_substructure
+from bmd_rths_core.campaign.indicator_screen import IndicatorScreen
+from bmd_rths_core.config import Config
+from bmd_rths_core.nonlinear_building import nonlinear_building
+from bmd_rths_core.record import RunRecord
+from bmd_rths_core.report.samples import filled
+from bmd_rths_core.table_peaks import peak
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NumericalMotion:
+    """The n floors and stories of the numerical substructure at the N steps.
+
+    Parameters
+    ----------
+    displacements, velocities : ndarray, shape (N, n)
+        Relative to the ground [m, m/s].
+    accelerations : ndarray, shape (N, n)
+        Absolute, as the desired acceleration is [m/s²].
+    drifts : ndarray, shape (N, n)
+        Story drifts, from the ground up [m].
+    story_forces : ndarray, shape (N, n)
+        Restoring forces of the stories, P-Δ included, without damping [N].
+    ground_acceleration, shear : ndarray, shape (N,)
+        What drove it, gaps bridged [m/s², N].
+    deviation_percent : float
+        Largest difference to the recorded desired acceleration over its peak [%]: rounding in a complete record.
+    """
+
+    displacements: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    drifts: FloatArray
+    story_forces: FloatArray
+    ground_acceleration: FloatArray
+    shear: FloatArray
+    deviation_percent: float
+
+
+def numerical_motion(record: RunRecord, config: Config) -> NumericalMotion:
+    """Compute the motion of the numerical substructure again.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+    config : Config
+        Its configuration.
+
+    Returns
+    -------
+    NumericalMotion
+    """
+    ground, shear = filled(record.ground_acceleration), filled(record.required_force)
+    stage = make_numerical_substructure(config)
+    stage.reset()
+    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
+    stories = building.stories()
+    stories.reset()
+    shape = record.steps, len(building.masses)
+    displacements, velocities, forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    for k, (ground_now, shear_now) in enumerate(zip(ground.tolist(), shear.tolist(), strict=True)):
+        stage.step(ground_now, shear_now)
+        displacements[k], velocities[k] = stage.displacements, stage.velocities
+        forces[k] = stories.floor_forces(displacements[k])
+    load = -forces - velocities @ building.damping_matrix
+    load[:, -1] += shear
+    accelerations = load / building.masses
+    difference = peak(accelerations[:, -1] - record.desired_acceleration)
+    largest = peak(record.desired_acceleration)
+    return NumericalMotion(
+        displacements,
+        velocities,
+        accelerations,
+        drifts=np.diff(displacements, axis=1, prepend=0.0),
+        story_forces=np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
+        ground_acceleration=ground,
+        shear=shear,
+        deviation_percent=100.0 * difference / largest if largest > 0.0 else 0.0,
+    )
+
+
+def ductility(motion: NumericalMotion, config: Config) -> tuple[float, ...]:
+    """Return the ductility of every story, peak drift over yield drift.
+
+    Parameters
+    ----------
+    motion : NumericalMotion
+        The numerical substructure.
+    config : Config
+        Its configuration, with stories that can yield.
+    """
+    pairs = zip(motion.drifts.T, config.nonlinear.yield_drifts, strict=True)
+    return tuple(peak(drift) / float(yield_drift) for drift, yield_drift in pairs)
+
+
+def stability_indicator(motion: NumericalMotion, config: Config) -> FloatArray:
+    """Return the stability indicator at every step, whether it was watched in the run or not.
+
+    Parameters
+    ----------
+    motion : NumericalMotion
+        The numerical substructure.
+    config : Config
+        Its configuration.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        See `bmd_rths_core.safety.StabilityIndicator`.
+    """
+    if not len(motion.shear):
+        return np.zeros(0)
+    fed_back = np.append(motion.shear[1:], 0.0)  # the shear fed back at step k acts at step k + 1
+    (indicator,) = IndicatorScreen(config, 1).advance(fed_back[None], motion.displacements.T[None])
+    return np.asarray(indicator)

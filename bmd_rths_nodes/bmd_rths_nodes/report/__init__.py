@@ -1,0 +1,1 @@
+"""Test reports: what they say in words, and how they become a web page."""

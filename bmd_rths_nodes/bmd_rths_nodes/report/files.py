@@ -1,0 +1,71 @@
+"""Write the report of bags into a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.report.analysis import RunAnalysis
+from bmd_rths_core.report.run_report import run_report
+from bmd_rths_msgs_py.bag_timing import read_timing_of_steps
+from bmd_rths_nodes.report.page import page_of
+from bmd_rths_nodes.report.several import comparison_report
+from bmd_rths_nodes.report.single import single_report
+
+#: Formats by the ending of the file.
+FORMATS = (".html", ".pdf")
+
+
+def check_report_file(path: Path) -> None:
+    """Check that a report can be written, before any work is done for it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        The ending is unknown, the folder is not there, or matplotlib is not installed.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"--report {path}: unknown ending {path.suffix!r}; one of {', '.join(FORMATS)} is required")
+    if path.is_dir() or not path.parent.is_dir():
+        raise InputError(f"--report {path}: a file in a folder that exists is required")
+    try:
+        import bmd_rths_core.plots.report_drawing  # noqa: F401
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "matplotlib":
+            raise
+        raise InputError("matplotlib: not installed; a report requires it (pip install matplotlib)") from error
+
+
+def write_report(analyses: Sequence[RunAnalysis], path: Path) -> None:
+    """Write the report of one run, or the comparison of several.
+
+    Parameters
+    ----------
+    analyses : sequence of RunAnalysis
+        The runs, read from bags.
+    path : Path
+        The file; its ending is the format.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    from bmd_rths_core.plots.report_drawing import svg_of
+    from bmd_rths_core.plots.report_pdf import write_pdf
+
+    reports = [run_report(analysis, read_timing_of_steps(analysis.record)) for analysis in analyses]
+    document = single_report(reports[0]) if len(reports) == 1 else comparison_report(reports)
+    try:
+        if path.suffix.lower() == ".pdf":
+            write_pdf(document, path)
+        else:
+            path.write_text(page_of(document, svg_of), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--report {path}: cannot be written: {error.strerror}") from error

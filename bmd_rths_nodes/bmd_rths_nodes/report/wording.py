@@ -1,0 +1,111 @@
+"""Numbers and outcomes in words."""
+
+from __future__ import annotations
+
+import math
+
+from bmd_rths_core.record import RunRecord
+from bmd_rths_core.report.analysis import RunAnalysis
+
+_OUTCOMES = {
+    "finished": "Finished: the whole ground motion was run.",
+    "stopped": "Stopped by the operator",
+    "limit": "Ended by a limit",
+    "failed": "Failed",
+    "cut": "Cut: the recording has no end",
+}
+
+#: Difference of the numerical substructure computed again that rounding and sensors do not explain [%].
+_LARGEST_DEVIATION = 0.1
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """Return a number with some digits behind the point; a dash when it is not known.
+
+    Parameters
+    ----------
+    value : float or None
+        The number.
+    digits : int
+        Digits behind the point.
+    """
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def significant(value: float) -> str:
+    """Return a number with three significant digits, or as a whole number; a dash when it is not known.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    """
+    if not math.isfinite(value):
+        return "–"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+
+
+def verdict(record: RunRecord) -> str:
+    """Return how a test ended, in words.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+    """
+    words = _OUTCOMES[record.outcome]
+    return words if record.outcome == "finished" else f"{words}: {record.reason}"
+
+
+def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
+    """Return what was wrong with a test, in words.
+
+    Parameters
+    ----------
+    analysis : RunAnalysis
+        The run and its errors.
+    deviation_percent : float
+        Of the numerical substructure computed again [%].
+    """
+    record, found = analysis.record, []
+    if record.outcome != "finished":
+        duration = record.steps * record.time_step
+        found.append(
+            f"Recorded is a run of {duration:g} s only (steps: {record.steps}). Errors and peaks hold for that alone."
+        )
+    if not record.stable:
+        found.append("A test that a limit ended diverged, or nearly so; its errors would say nothing and are left out.")
+    if analysis.metrics.missing_values:
+        found.append(
+            f"{analysis.metrics.missing_values} values were not recorded. They are left out of the errors; in spectra, "
+            "energies and hysteresis straight lines bridge them."
+        )
+    timing = record.timing
+    if timing is not None and timing.missed_deadlines:
+        found.append(
+            f"{timing.missed_deadlines} of {record.steps} deadlines were missed, at most "
+            f"{timing.max_consecutive_misses} in a row; the last shear was held."
+        )
+    if timing is not None and timing.late_ticks:
+        found.append(f"{timing.late_ticks} steps began more than Δt late, and the schedule was moved.")
+    if analysis.config.run.preflight == "override":
+        found.append("The pre-flight was overridden: the test was run against its prediction.")
+    if deviation_percent > _LARGEST_DEVIATION:
+        found.append(
+            f"The numerical substructure, computed again from the record, differs by {deviation_percent:.2g} % of the "
+            "peak from what is recorded: its drifts and energies below are not exact."
+        )
+    return found
+
+
+def assumption(analysis: RunAnalysis) -> str:
+    """Return what table the results come from.
+
+    Parameters
+    ----------
+    analysis : RunAnalysis
+        The run.
+    """
+    if analysis.config.table.controller == "simulated":
+        return "The results come from a simulated table with assumed parameters, not from a laboratory."
+    return f"Table controller: {analysis.config.table.controller}, {analysis.config.table.address}."

@@ -1,0 +1,123 @@
+"""Figures of a report: nothing is cut off or covered, text stays text, and the files are reproducible."""
+
+import dataclasses
+import re
+from itertools import combinations
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.plots.histories import thinned
+from bmd_rths_core.plots.report_drawing import draw, height_of, svg_of
+from bmd_rths_core.plots.report_pdf import write_pdf
+from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
+from bmd_rths_core.report.analysis import analysed
+from bmd_rths_core.report.comparison import comparisons
+from bmd_rths_core.report.document import Document, Folded, Paragraph, Picture, Section, Table
+from bmd_rths_core.report.run_report import run_report
+from bmd_rths_core.report.timing import StepTiming
+
+#: What a reader has to find on each figure.
+STATED = {
+    "responses": ["interface (computed): RMSE", "specimen floor 2 (measured)", "reference: building without partition"],
+    "tracking": ["synchronisation", "achieved", "windows of 2 s", "delay [ms]"],
+    "frequencies": ["magnitude [dB]", "phase [°]", "coherence"],
+    "transfer": ["specimen floor 1 over ground", "interface over ground"],
+    "forces": ["load cells, times 0.5", "required (Eq. 4)", "unbalanced [kN]"],
+    "numerical_stories": ["numerical story 1", "drift [mm]"],
+    "specimen_stories": ["specimen story 1", "specimen story 2"],
+    "energy": ["brought by the interface", "limit 0.7"],
+    "timing": ["Δt = 5 ms", "missed deadline", "closure of a step [ms]"],
+    "comparison": ["run 1: plc_fc", "run 2: plc_fc"],
+}
+
+
+@pytest.fixture(scope="module")
+def data():
+    """Compute what every figure shows, with yielding stories and half of the shear."""
+    config = Config().changed(
+        ground_motion__duration=8.0,
+        force_correction__feedback_scale=0.5,
+        nonlinear__story_model="bilinear",
+        nonlinear__integration="cr",
+        nonlinear__yield_drifts=[1e-4],
+    )
+    record = RthsLoop(config, select_ground_motion(config.ground_motion, 0.005)).run()
+    steps = np.arange(1600.0)
+    begun = 0.005 * steps
+    closed = begun + 1e-3 * np.random.default_rng(0).gamma(4.0, 0.4, size=1600)
+    report = run_report(analysed(record), StepTiming(steps, begun, closed, 0.005, (100, 101)))
+    figures = {name: getattr(report, name) for name in STATED if name != "comparison"}
+    (figures["comparison"],) = comparisons([report, report])
+    return figures
+
+
+def texts(svg):
+    """Return all text of an SVG file."""
+    return "\n".join(text.text for text in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text"))
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_text_is_text_and_says_what_is_shown(data, name):
+    shown = texts(svg_of(data[name]))
+    for stated in STATED[name]:
+        assert stated in shown
+    assert "mathdefault" not in shown
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_nothing_is_cut_off_or_covered(data, name):
+    with style():
+        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height_of(data[name]) / 25.4))
+        draw(figure, data[name])
+        FigureCanvasAgg(figure).draw()
+        drawn, page = figure.get_tightbbox(), figure.bbox_inches
+        assert page.x0 <= drawn.x0 < drawn.x1 <= page.x1
+        assert page.y0 <= drawn.y0 < drawn.y1 <= page.y1
+        boxes = [legend.get_window_extent() for legend in figure.legends]
+        boxes += [axes.get_tightbbox() for axes in figure.axes]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def document(data):
+    rows = tuple((f"row {i}", str(i)) for i in range(40))
+    blocks = (Paragraph("word " * 200), Table(("name", "value"), rows), *(Picture(data[n], n) for n in STATED))
+    long = Folded("Configuration", "\n".join(f"line {i}" for i in range(200)))
+    return Document("title", "verdict", True, ("a note",), (Section("Figures", blocks), Section("Text", (long,))))
+
+
+def test_same_data_give_the_same_bytes_and_a_pdf_has_as_many_sheets_as_are_filled(data, tmp_path):
+    assert svg_of(data["energy"]) == svg_of(data["energy"])
+    files = [tmp_path / name for name in ("one.pdf", "two.pdf")]
+    for file in files:
+        write_pdf(document(data), file)
+    first, second = (file.read_bytes() for file in files)
+    assert first == second
+    assert first.startswith(b"%PDF")
+    assert 8 <= int(re.search(rb"/Count (\d+)", first).group(1)) <= 12
+    assert first.count(b"/MediaBox [ 0 0 595.2") == first.count(b"/Type /Page ")  # A4
+
+
+def test_thinned_curves_keep_their_peaks():
+    time = np.arange(20000) * 0.005
+    values = np.random.default_rng(0).normal(size=20000)
+    values[12345], values[777] = 50.0, -60.0
+    short_time, short = thinned(time, values)
+    assert len(short) < 2000
+    assert (short.max(), short.min()) == (50.0, -60.0)
+    assert short_time[short.argmax()] == time[12345]
+    assert np.all(np.diff(short_time) >= 0.0)
+    gap = np.where(np.arange(20000) == 5, np.nan, values)
+    assert np.array_equal(thinned(time, gap)[1], gap, equal_nan=True)
+
+
+def test_a_page_of_a_tall_building_ends_on_one_sheet(data):
+    responses = data["responses"]
+    tall = dataclasses.replace(responses, floors=responses.floors * 10)
+    assert height_of(tall) <= 297.0 - 40.0

@@ -1,0 +1,162 @@
+"""`bmd-rths analyze --report`: one page that needs nothing else, and one clear line where there can be none."""
+
+import base64
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
+from bmd_rths_msgs_py.record_bag import write_record
+
+#: Tags that have no end.
+VOID = {"meta", "link", "img"}
+
+
+class Page(HTMLParser):
+    """Check the nesting of a page and collect its text, tags and addresses."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.addresses, self.text = [], [], [], ""
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.addresses += [value for name, value in attrs if name in ("href", "src")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def record():
+    """Run six seconds of a test with stories that yield."""
+    config = Config().changed(
+        ground_motion__duration=6.0,
+        nonlinear__story_model="bilinear",
+        nonlinear__integration="cr",
+        nonlinear__yield_drifts=[1e-4],
+    )
+    return RthsLoop(config, select_ground_motion(config.ground_motion, 0.005)).run()
+
+
+def changed(record, change, **fields):
+    return dataclasses.replace(record, **{name: change(s) for name, s in record.signals().items()}, **fields)
+
+
+def test_page_is_whole_needs_no_network_and_says_the_verdict_first(run_main, record, tmp_path):
+    bag = write_record(record, tmp_path / "bag")
+    status, output, errors = run_main("analyze", bag, "--report", "report.html", "--json")
+    assert (status, errors) == (0, "report: report.html\n")
+    result = json.loads(output)
+    text = (tmp_path / "report.html").read_text()
+    page = Page(text)
+    assert all(address.startswith("data:") for address in page.addresses)
+    assert not {"script", "iframe", "object"} & set(page.tags)
+    assert "url(" not in text
+    assert "@import" not in text
+    figures = [base64.b64decode(a.partition(",")[2]).decode() for a in page.addresses if "svg" in a]
+    assert len(figures) == page.tags.count("figure") == 8
+    for svg in figures:
+        assert all(reference.startswith(("#", "data:")) for reference in re.findall(r'href="([^"]*)"', svg))
+    order = ("Finished", "simulated table with assumed parameters", "RMSE", "Limits", "Response of the floors")
+    places = [page.text.index(words) for words in order]
+    assert places == sorted(places)
+    for words in (
+        "J2 tracking error",
+        "ductility",
+        "without a clock",
+        record.motion["sha256"],
+        "yield_drifts",
+        "numpy",
+    ):
+        assert words in page.text
+    assert f"{result['rmse_percent']['superstructure']:.2f}" in page.text
+    assert f"{result['benchmark_criteria']['J3']:.2f}" in page.text
+    assert f"{result['ductility'][0]:.2f}" in page.text
+
+
+@pytest.mark.parametrize("steps", [0, 1, 3, 10])
+def test_test_that_was_ended_at_once_has_a_report_that_says_so(run_main, record, tmp_path, steps):
+    reason = "safety.force_limit passed <script>alert(1)</script>"
+    short = changed(record, lambda signal: signal[:steps], outcome="limit", reason=reason)
+    bag = write_record(short, tmp_path / "bag")
+    status, output, _ = run_main("analyze", bag, "--report", "report.html")
+    assert status == 0
+    assert "not the whole ground motion" in " ".join(output.split())
+    text = (tmp_path / "report.html").read_text()
+    assert "<script" not in text
+    page = Page(text)
+    for words in (f"Ended by a limit: {reason}", f"steps: {steps}", "Cannot be shown"):
+        assert words in page.text
+    assert page.tags.count("figure") == (5 if steps >= 3 else 0)
+
+
+def test_gaps_zeros_and_markup_in_names_are_no_obstacle(run_main, record, tmp_path):
+    rng = np.random.default_rng(0)
+    motion = {**record.motion, "name": "<b>&"}
+    gaps = changed(record, lambda s: np.where(rng.random(s.shape) < 0.05, np.nan, s), motion=motion)
+    zeros = changed(record, np.zeros_like)
+    for name, hostile, words in (
+        ("gaps", gaps, "values were not recorded"),
+        ("zeros", zeros, "the excitation is zero"),
+    ):
+        bag = write_record(hostile, tmp_path / name)
+        assert run_main("analyze", bag, "--report", f"{name}.html")[0] == 0
+        assert words in Page((tmp_path / f"{name}.html").read_text()).text
+    assert "<h1>&lt;b&gt;&amp;, plc_fc</h1>" in (tmp_path / "gaps.html").read_text()
+
+
+def test_several_bags_are_compared_on_one_page(run_main, record, tmp_path):
+    other = RthsLoop(
+        Config().changed(
+            **{f"nonlinear__{k}": v for k, v in record.configuration["nonlinear"].items()}, run__scheme="uc"
+        ),
+        select_ground_motion(Config().changed(ground_motion__duration=6.0).ground_motion, 0.005),
+    ).run()
+    bags = [write_record(r, tmp_path / name) for name, r in (("one", record), ("two", other))]
+    status, output, _ = run_main("analyze", *bags, "--report", "all.html", "--json")
+    assert status == 0
+    page = Page((tmp_path / "all.html").read_text())
+    assert page.tags.count("figure") == 1
+    for run in json.loads(output)["runs"]:
+        for value in (*run["rmse_percent"].values(), *run["benchmark_criteria"].values()):
+            assert f"{value:.2f}" in page.text
+    assert "2 of 2 runs have finished" in page.text
+
+
+def test_report_for_print_is_a_pdf(run_main, record, tmp_path):
+    bag = write_record(record, tmp_path / "bag")
+    assert run_main("analyze", bag, "--report", "report.pdf")[0] == 0
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("file", "named"),
+    [("report.docx", "unknown ending '.docx'; one of .html, .pdf"), ("none/report.html", "a folder that exists")],
+)
+def test_file_that_cannot_be_written_is_told_before_any_work(run_main, tmp_path, file, named):
+    status, output, errors = run_main("analyze", "no_bag_at_all", "--report", file)
+    assert (status, output, errors.count("\n")) == (2, "", 1)
+    assert f"--report {file}" in errors
+    assert named in errors
+
+
+def test_bag_of_another_version_is_refused_by_name(run_main, record, tmp_path):
+    configuration = {**record.configuration, "unknown_section": {}}
+    bag = write_record(dataclasses.replace(record, configuration=configuration), tmp_path / "bag")
+    status, output, errors = run_main("analyze", bag)
+    assert (status, output, errors.count("\n")) == (2, "", 1)
+    assert f"{bag}: configuration: unknown_section" in errors
