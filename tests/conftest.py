@@ -11,6 +11,13 @@ WITHOUT_LIMITS = {
     for limit in ("displacement", "velocity", "acceleration", "force", "increment", "tracking", "stability")
 }
 
+#: Changes of a configuration: a servo table for tests whose numbers belong to it, whatever table is the default.
+SERVO_TABLE = {
+    "simulated_table__servo_real_pole": 49.6,
+    "simulated_table__servo_frequency": 183.6,
+    "simulated_table__servo_damping_ratio": 0.167,
+}
+
 
 def ground_motion_folder() -> Path:
     """Return where the real records are: they belong to their agencies and are no part of this repository."""

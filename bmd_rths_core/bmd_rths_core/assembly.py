@@ -101,7 +101,8 @@ def make_virtual_controller(config: Config, faults: Faults) -> VirtualController
 
     def servo_hydraulic(time_step: float) -> VirtualTable:
         sensors = config.simulated_table.sensors(specimen.stories, seed)
-        return ServoHydraulicTable(config.servo_hydraulic, sensors, specimen, time_step)
+        real = config.simulated_table.specimen(specimen)
+        return ServoHydraulicTable(config.servo_hydraulic, sensors, real, time_step)
 
     make_table = servo if config.virtual_controller.model == "servo" else servo_hydraulic
     return VirtualController(config.virtual_controller, make_table, specimen.stories, config.run.time_step, faults)

@@ -68,6 +68,7 @@ def test_runs_equal_those_of_the_loop(scheme, table, source):
         {"run__seed": 7},
         {"force_correction__feedback_scale": 0.3},
         {"run__time_step": 0.0025},
+        {"simulated_table__specimen_stiffness_factor": 1.1},
         {"simulated_table__platen_mass": 100.0, "simulated_table__shear_noise": 500.0},
         THREE_STORIES,
         WITHOUT_LIMITS,

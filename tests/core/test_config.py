@@ -29,8 +29,10 @@ def below(*lines):
     return "/**:\n  ros__parameters:\n" + "".join(f"    {line}\n" for line in lines)
 
 
-def test_defaults_are_the_simplified_bmd_file():
-    assert load_config(ROOT / "config" / "simplified_bmd.yaml") == Config()
+def test_defaults_are_the_simplified_bmd_file_with_record_and_specimen_as_they_are():
+    """Nobody who has not asked for it gets a record that is changed, or a specimen that is not its model."""
+    as_they_are = {"ground_motion__time_scale": 1.0, "simulated_table__specimen_stiffness_factor": 1.0}
+    assert load_config(ROOT / "config" / "simplified_bmd.yaml").changed(**as_they_are) == Config()
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)

@@ -17,7 +17,7 @@ from bmd_rths_core.paper_figures.table_response import equivalent_delay, figure_
 from bmd_rths_core.paper_figures.time_history import figure_13, strong_motion
 from bmd_rths_core.stability.continuous import MarginCurve, margin_curve
 from bmd_rths_core.stability.models import EQUATION_9, experimental_modes, table_sections, uncoupled_modes
-from tests.conftest import ground_motion_folder
+from tests.conftest import SERVO_TABLE, ground_motion_folder
 
 CONFIGS = Path(__file__).parents[2] / "config"
 OF_EIGHT_STORY = load_config(CONFIGS / "eight_story_bmd.yaml")
@@ -127,7 +127,7 @@ def test_figure_6_is_equation_9_and_the_measurement_finds_it():
 
 def test_figure_10_is_the_configured_servo_and_the_measurement_finds_it():
     seen = []
-    data = figure_10(OF_SIMPLIFIED, seen.append)
+    data = figure_10(OF_SIMPLIFIED.changed(**SERVO_TABLE), seen.append)
     assert_progress(seen)
     s = 1j * data.frequencies
     assert data.model == pytest.approx(49.6 / (s + 49.6) * 183.6**2 / (s**2 + 2 * 0.167 * 183.6 * s + 183.6**2))

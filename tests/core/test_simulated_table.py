@@ -71,11 +71,13 @@ def test_sensors_agree_with_scipy_on_a_finer_grid(dynamics, delay_steps):
     """Lsim with a tenth of the step and held input is an independent solution; delays here are whole tenths."""
     fine = 10
     commands = np.random.default_rng(2).normal(size=80)
-    config = SimulatedTableConfig(dynamics=dynamics, sections=EQUATION_9, command_delay=delay_steps * DT, **QUIET)
+    servo = {"servo_real_pole": 49.6, "servo_frequency": 183.6, "servo_damping_ratio": 0.167}
+    chain = {"dynamics": dynamics, "sections": EQUATION_9, "command_delay": delay_steps * DT}
+    config = SimulatedTableConfig(**chain, **servo, **QUIET)
     table = SimulatedTable(config, SPECIMEN, DT, seed=0)
     measurements = drive(table, commands)
 
-    model = series(EQUATION_9 if dynamics == "sections" else servo_sections(49.6, 183.6, 0.167))
+    model = series(EQUATION_9 if dynamics == "sections" else servo_sections(*servo.values()))
     shift = round(delay_steps * fine)
     held = np.concatenate((np.zeros(shift), np.repeat(commands, fine)))[: 80 * fine]
     phi_input = np.append(held, 0.0)
@@ -98,6 +100,19 @@ def test_sensors_agree_with_scipy_on_a_finer_grid(dynamics, delay_steps):
     assert [m.base_shear for m in measurements] == pytest.approx(shear, rel=1e-7, abs=1e-6)
     force = 2500.0 * achieved[fine::fine] - shear
     assert [m.actuator_force for m in measurements] == pytest.approx(force, rel=1e-7, abs=1e-5)
+
+
+def test_specimen_on_the_table_is_not_quite_its_model():
+    config = SimulatedTableConfig(specimen_stiffness_factor=1.21, **QUIET)
+    specimen = config.specimen(SPECIMEN)
+    ours, model = specimen.modes(), SPECIMEN.modes()
+    # Frequencies follow the root of the stiffness, damping ratios c / (2 sqrt(k m)).
+    assert ours.frequencies == pytest.approx(1.1 * model.frequencies, rel=1e-12)
+    assert ours.damping_ratios == pytest.approx(model.damping_ratios / 1.1, rel=1e-12)
+    commands = np.random.default_rng(3).normal(size=50)
+    floors = [m.floor_accelerations for m in drive(SimulatedTable(config, SPECIMEN, DT, seed=0), commands)]
+    same = SimulatedTable(SimulatedTableConfig(**QUIET), specimen, DT, seed=0)
+    assert np.array_equal(floors, [m.floor_accelerations for m in drive(same, commands)])
 
 
 def test_perfect_table_follows_at_once_and_integrates_to_its_displacement():

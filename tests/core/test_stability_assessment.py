@@ -20,6 +20,7 @@ from bmd_rths_core.stability.models import experimental_modes, numerical_oscilla
 from bmd_rths_core.stability.response_file import read_frequency_response
 from bmd_rths_core.stability.unit_circle import transfer_function
 from bmd_rths_core.table.dynamics import servo_sections
+from tests.conftest import SERVO_TABLE
 
 DEFAULTS = AnalysisOptions()
 HEADER = "frequency_hz,magnitude,phase_deg"
@@ -71,7 +72,7 @@ def test_transfer_function_by_its_roots():
 
 
 def test_three_analyses_are_those_of_the_library():
-    config = Config().changed(run__scheme="plc", simulated_table__command_delay=0.002)
+    config = Config().changed(run__scheme="plc", simulated_table__command_delay=0.002, **SERVO_TABLE)
     result = assess(config, AnalysisOptions(feedback_delay_steps=2))
     building = config.numerical_substructure.building().modes()
     by_hand = LoopTransferFunction(

@@ -8,9 +8,10 @@ from bmd_rths_core.stability.analysed_loops import AnalysisOptions
 from bmd_rths_core.stability.assessment import assess
 from bmd_rths_core.stability.discrete import with_mass_ratio
 from bmd_rths_core.stability.sensitivity import sensitivity
+from tests.conftest import SERVO_TABLE
 
 ONE_MODE = AnalysisOptions(modes="identified")
-UNCOMPENSATED = Config().changed(run__scheme="uc", shear_estimator__source="load_cell")
+UNCOMPENSATED = Config().changed(run__scheme="uc", shear_estimator__source="load_cell", **SERVO_TABLE)
 STORIES = {
     f"{section}.{name}[{i}]"
     for section, stories in (("numerical_substructure", 1), ("specimen", 2))
@@ -19,7 +20,7 @@ STORIES = {
 }
 SERVO = {f"simulated_table.servo_{name}" for name in ("real_pole", "frequency", "damping_ratio")}
 IDENTIFIED = {"specimen.identified_frequency", "specimen.identified_damping_ratio"}
-ALWAYS = STORIES | {"run.time_step", "force_correction.feedback_scale"}
+ALWAYS = STORIES | {"run.time_step", "force_correction.feedback_scale", "simulated_table.specimen_stiffness_factor"}
 KALMAN = {"shear_estimator.sensor_noise", "shear_estimator.model_error"}
 SHAPER = {"command_shaper.w1", "command_shaper.w2", "command_shaper.alpha"}
 

@@ -40,7 +40,7 @@ def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el
     result = finished(bmd_rths("run", CONFIG, "--scheme", scheme, "--lockstep", "--output", tmp_path, "--json"))
     record = read_bag(result["bag"])
     assert record.outcome == "finished"
-    assert record.steps == result["steps"] == 6237
+    assert record.steps == result["steps"] == 3119
     assert record.same_signals(in_process(run__scheme=scheme))
     assert result["missing_values"] == result["missed_deadlines"] == 0
     assert result["stable"] is True
@@ -187,7 +187,7 @@ def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_p
     record = read_bag(told["bag"])
     assert record.outcome == "stopped"
     assert "operator" in record.reason
-    assert 0 < record.steps < 6237
+    assert 0 < record.steps < 3119
     assert processes_of_domain(domain) == {}
 
 

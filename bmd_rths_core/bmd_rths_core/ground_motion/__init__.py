@@ -12,13 +12,22 @@ from bmd_rths_core.ground_motion.knet import read_knet
 from bmd_rths_core.ground_motion.library import read_ground_motion, shipped_records
 from bmd_rths_core.ground_motion.mat import read_mat
 from bmd_rths_core.ground_motion.motion import STANDARD_GRAVITY, GroundMotion
-from bmd_rths_core.ground_motion.processing import fade_in, pad, resample, scale_to_peak, truncate
+from bmd_rths_core.ground_motion.processing import (
+    fade_in,
+    high_pass,
+    pad,
+    resample,
+    scale_time,
+    scale_to_peak,
+    truncate,
+)
 from bmd_rths_core.ground_motion.simcenter import read_simcenter
 
 __all__ = [
     "STANDARD_GRAVITY",
     "GroundMotion",
     "fade_in",
+    "high_pass",
     "pad",
     "read_at2",
     "read_cosmos",
@@ -33,6 +42,7 @@ __all__ = [
     "read_mat",
     "read_simcenter",
     "resample",
+    "scale_time",
     "scale_to_peak",
     "shipped_records",
     "truncate",

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.motion import GroundMotion
@@ -21,6 +22,9 @@ _DESIGN_ATTENUATION = 82.0
 _HALF_WIDTH = 26
 
 _RATIO_TOLERANCE = 1e-9
+
+#: Order of the Butterworth filter of `high_pass` in each direction.
+_HIGH_PASS_ORDER = 2
 
 
 def resample(motion: GroundMotion, time_step: float) -> GroundMotion:
@@ -68,6 +72,74 @@ def resample(motion: GroundMotion, time_step: float) -> GroundMotion:
     else:
         acceleration, start, steps = motion.acceleration, 0, motion.steps
     return replace(motion, time_step=time_step, acceleration=acceleration[start : start + steps])
+
+
+def scale_time(motion: GroundMotion, factor: float) -> GroundMotion:
+    """Stretch or compress the time axis of a record; accelerations stay.
+
+    A specimen of length scale 1:n under unscaled acceleration answers in 1/√n of the time of its prototype, so that
+    records are compressed by 1/√n for it (similitude; Harris & Sabnis, Structural Modeling and Experimental Techniques,
+    1999).
+
+    Parameters
+    ----------
+    motion : GroundMotion
+        The record.
+    factor : float
+        Duration wanted over that of the record, > 0. Velocities are multiplied by it, displacements by its square.
+
+    Returns
+    -------
+    GroundMotion
+        The same points with another time step.
+
+    Raises
+    ------
+    InputError
+        The factor is not a finite number > 0.
+    """
+    _check_positive("time scale", factor, "")
+    return replace(motion, time_step=motion.time_step * factor)
+
+
+def high_pass(motion: GroundMotion, frequency: float) -> GroundMotion:
+    """Correct the baseline of a record: remove what is slower than a frequency, without phase shift.
+
+    The record less its mean is extended with rest at both ends, by 0.75 n / f with the order n = 4 (Converse & Brady
+    1992); then a Butterworth filter of order 2 runs forwards and backwards. The extensions are kept: the filtered
+    motion begins before the record, and cut off there it would drift again (Boore & Bommer 2005, Soil Dynamics and
+    Earthquake Engineering 25, 93-115).
+
+    Parameters
+    ----------
+    motion : GroundMotion
+        The record.
+    frequency : float
+        -6 dB point f of both directions together [Hz], below the Nyquist frequency of the record.
+
+    Returns
+    -------
+    GroundMotion
+        The record with 3 / f before and after it, rounded up to whole steps. Integrated from rest, its velocity and
+        displacement come back to zero.
+
+    Raises
+    ------
+    InputError
+        The frequency is not > 0 and below the Nyquist frequency.
+    """
+    nyquist = 0.5 / motion.time_step
+    if not 0.0 < frequency < nyquist:
+        allowed = f"above 0 and below {nyquist:g} Hz"
+        raise InputError(
+            f"high-pass frequency {frequency:g} Hz; ground motion {motion.name!r} can be filtered {allowed}"
+        )
+    steps = math.ceil(1.5 * _HIGH_PASS_ORDER / (frequency * motion.time_step))
+    filter_sections = butter(_HIGH_PASS_ORDER, frequency, "highpass", fs=1.0 / motion.time_step, output="sos")
+    filtered = sosfiltfilt(
+        filter_sections, np.pad(motion.acceleration - motion.acceleration.mean(), steps), padtype=None
+    )
+    return replace(motion, acceleration=filtered)
 
 
 def scale_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:

@@ -9,7 +9,15 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, UNIT_CHOICES
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.processing import fade_in, pad, resample, scale_to_peak, truncate
+from bmd_rths_core.ground_motion.processing import (
+    fade_in,
+    high_pass,
+    pad,
+    resample,
+    scale_time,
+    scale_to_peak,
+    truncate,
+)
 from bmd_rths_core.parameters import check_parameters, parameter
 
 
@@ -37,7 +45,28 @@ class GroundMotionConfig:
         upper=50.0,
     )
     duration: float = parameter(
-        0.0, description="Length of the record that is used, 0 for all of it", unit="s", lower=0.0, upper=3600.0
+        0.0,
+        description="Length of the record that is used, as it is run; 0 for all of it",
+        unit="s",
+        lower=0.0,
+        upper=3600.0,
+    )
+    high_pass_frequency: float = parameter(
+        0.0,
+        description="Baseline correction: zero-phase Butterworth high-pass at a frequency of the record before "
+        "time_scale; brings the time it needs before and after the record; 0 for the record as it is",
+        unit="Hz",
+        source="Boore & Bommer 2005",
+        lower=0.0,
+        upper=10.0,
+    )
+    time_scale: float = parameter(
+        1.0,
+        description="Factor on the time axis of the record; below 1 for a specimen that is a model of something larger",
+        unit="1",
+        source="similitude: square root of the length scale",
+        lower=0.01,
+        upper=100.0,
     )
     fade_in: float = parameter(
         0.0,
@@ -65,8 +94,9 @@ class GroundMotionConfig:
 def select_ground_motion(config: GroundMotionConfig, time_step: float) -> GroundMotion:
     """Return the ground motion of a test, ready for the loop.
 
-    The record is read, shortened, resampled to the time step, faded in, scaled and followed by rest. Scaling comes
-    after resampling and fading, so that the peak the loop sees is exactly the one asked for.
+    The record is read, stretched or compressed in time, shortened, high-pass filtered, resampled to the time step,
+    faded in, scaled and followed by rest. Scaling comes after resampling and fading, so that the peak the loop sees is
+    exactly the one asked for.
 
     Parameters
     ----------
@@ -111,8 +141,11 @@ def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time
     InputError
         It is shorter than asked for, or its time step and Δt do not divide each other.
     """
+    motion = scale_time(motion, config.time_scale)
     if config.duration > 0.0:
         motion = truncate(motion, config.duration)
+    if config.high_pass_frequency > 0.0:
+        motion = high_pass(motion, config.high_pass_frequency / config.time_scale)
     motion = resample(motion, time_step)
     if config.fade_in > 0.0:
         motion = fade_in(motion, config.fade_in)

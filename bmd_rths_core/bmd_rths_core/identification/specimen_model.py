@@ -70,7 +70,7 @@ class SpecimenModel:
         }
 
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """Return the section of a configuration that makes up this model."""
+        """Return the sections of a configuration that make up this model; the simulated specimen is then the model."""
         return {
             "specimen": {
                 "masses": list(self.building.masses),
@@ -78,7 +78,8 @@ class SpecimenModel:
                 "damping_coefficients": [float(f"{value:.6g}") for value in self.building.damping_coefficients],
                 "identified_frequency": float(f"{self.frequencies[0]:.6g}"),
                 "identified_damping_ratio": float(f"{self.damping_ratios[0]:.5g}"),
-            }
+            },
+            "simulated_table": {"specimen_stiffness_factor": 1.0},
         }
 
 

@@ -34,26 +34,26 @@ class SimulatedTableConfig:
         choices=("servo", "sections", "perfect"),
     )
     servo_real_pole: float = parameter(
-        49.6,
+        51.7,
         description="Real pole of the servo table",
         unit="rad/s",
-        source="assumed: about 20 ms of delay below 8 Hz",
+        source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
         lower=0.0,
         lower_open=True,
     )
     servo_frequency: float = parameter(
-        183.6,
+        143.0,
         description="Natural frequency of the oscillatory pair of the servo table",
         unit="rad/s",
-        source="assumed",
+        source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
         lower=0.0,
         lower_open=True,
     )
     servo_damping_ratio: float = parameter(
-        0.167,
+        0.056,
         description="Damping ratio of the oscillatory pair of the servo table",
         unit="1",
-        source="assumed",
+        source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
         lower=0.0,
         lower_open=True,
     )
@@ -93,6 +93,13 @@ class SimulatedTableConfig:
     shear_noise: float = parameter(
         20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", lower=0.0
     )
+    specimen_stiffness_factor: float = parameter(
+        1.0,
+        description="Stiffness of every story of the simulated specimen over that of its model, the section specimen",
+        unit="1",
+        lower=0.1,
+        upper=10.0,
+    )
 
     def __post_init__(self) -> None:
         """Check the values and the table model."""
@@ -113,6 +120,17 @@ class SimulatedTableConfig:
         """
         return Sensors(floors, self.acceleration_noise, self.acceleration_resolution, self.shear_noise, seed)
 
+    def specimen(self, model: ShearBuilding) -> ShearBuilding:
+        """Return what stands on the simulated table: a specimen that is not quite its model.
+
+        Parameters
+        ----------
+        model : ShearBuilding
+            The specimen as the section ``specimen`` describes it.
+        """
+        stiffnesses = tuple(self.specimen_stiffness_factor * stiffness for stiffness in model.stiffnesses)
+        return ShearBuilding(model.masses, stiffnesses, model.damping_coefficients)
+
     def state_space(self) -> StateSpace:
         """Return the table model without the pure delay."""
         if self.dynamics == "servo":
@@ -131,7 +149,7 @@ class SimulatedTable:
     config : SimulatedTableConfig
         Table and sensors.
     specimen : ShearBuilding
-        What stands on the table, n floors.
+        Model of what stands on the table, n floors.
     time_step : float
         Δt [s].
     seed : int
@@ -144,6 +162,7 @@ class SimulatedTable:
     """
 
     def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
+        specimen = config.specimen(specimen)
         self._sensors = config.sensors(specimen.stories, seed)
         self._masses = np.asarray(specimen.masses)
         self._platen_mass = config.platen_mass

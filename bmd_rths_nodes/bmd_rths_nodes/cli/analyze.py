@@ -58,7 +58,8 @@ def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
     elif as_json:
         click.echo(json.dumps({"runs": results}))
     else:
-        show_error_tables(results, varied=False)
+        simulated = any(result["table"] == "simulated" for result in results)
+        show_error_tables(results, varied=False, simulated=simulated)
     return 0
 
 

@@ -103,7 +103,7 @@ def campaign(
         if as_json:
             _print_json(told, found.left_out)
         else:
-            show_error_tables(told, varied=bool(vary))
+            show_error_tables(told, varied=bool(vary), simulated=True)
             click.echo(f"results: {results.path}" + (f" {parquet}" if parquet else ""))
     return 0
 

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from bmd_rths_core.campaign.paper_tables import PAPER_TABLES, event_of, paper_mean
 from bmd_rths_core.schemes import SCHEME_NAMES
+from bmd_rths_nodes.cli.results import VIRTUAL_LABORATORY
 
 #: Narrowest output; a terminal that is narrower wraps [characters].
 _WIDTH = 120
@@ -43,7 +44,7 @@ class _Mean:
         return ", ".join(part for part in (mean, unstable) if part)
 
 
-def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool) -> None:
+def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, simulated: bool) -> None:
     """Print the errors of many runs.
 
     Parameters
@@ -52,6 +53,8 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool) -> Non
         As `bmd_rths_core.campaign.study.FinishedRun` has them; read once, and not kept where something is varied.
     varied : bool
         A line for the means of each variation, instead of one for each ground motion.
+    simulated : bool
+        Some of them are of the simulated table, which is said.
     """
     means: dict[str, dict[tuple[str, str], _Mean]] = defaultdict(lambda: defaultdict(_Mean))
     rows: list[dict[str, Any]] = []
@@ -74,6 +77,8 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool) -> Non
             table.add_row(Text(label), *(["paper's events"] if not varied else [""]), *cells, style="bold")
         console.print(table)
     click.echo(_NOTE)
+    if simulated:
+        click.echo(VIRTUAL_LABORATORY)
 
 
 def result_with_event(result: Mapping[str, Any], source: str) -> dict[str, Any]:

@@ -148,12 +148,10 @@ def _write(
     files = {}
     try:
         if output is not None:
-            parameters = {
-                name: values
-                for model in (table, specimen)
-                if model is not None
-                for name, values in model.parameters().items()
-            }
+            parameters: dict[str, dict[str, Any]] = {}
+            for model in (table, specimen):
+                for name, values in model.parameters().items() if model is not None else ():
+                    parameters.setdefault(name, {}).update(values)
             output.write_text(model_text(parameters, _remarks(result)), encoding="utf-8")
             files["output"] = str(output)
         if frf is not None and table is not None:

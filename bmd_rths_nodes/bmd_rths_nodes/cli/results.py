@@ -13,6 +13,12 @@ from rich.text import Text
 
 from bmd_rths_core.report.analysis import RunAnalysis
 
+#: Said wherever results of the simulated table are shown to a person.
+VIRTUAL_LABORATORY = (
+    "The table is simulated: a virtual laboratory whose parameters are assumed "
+    "(docs/decisions/0013-virtual-laboratory.md)."
+)
+
 
 def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     """Return everything a command tells about a run, as plain values.
@@ -31,6 +37,7 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     criteria = analysis.criteria.by_symbol()
     result = {
         "scheme": record.configuration["run"]["scheme"],
+        "table": record.configuration["table"]["controller"],
         "motion": record.motion["name"],
         "steps": record.steps,
         "duration_s": record.steps * record.time_step,
@@ -86,6 +93,8 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
         table.add_row("closure of a step", closure)
     Console(soft_wrap=True).print(table)
+    if result["table"] == "simulated":
+        click.echo(VIRTUAL_LABORATORY)
     if "bag" in result:
         click.echo(f"bag: {result['bag']}")
 

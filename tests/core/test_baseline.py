@@ -1,0 +1,102 @@
+"""Baseline correction and time axis of ground motions, against closed forms and on a real record that drifts."""
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion import GroundMotion, high_pass, read_ground_motion, scale_time
+from bmd_rths_core.ground_motion.selection import GroundMotionConfig, prepare_ground_motion, select_ground_motion
+from tests.conftest import ground_motion_folder
+
+STEP = 0.01
+#: KiK-net record of Kumamoto that has its offset in it.
+KUMAMOTO = ground_motion_folder() / "Kumamoto" / "KMMH161604160125.NS2"
+
+
+def motion_of(acceleration, time_step=STEP):
+    return GroundMotion("test", time_step, acceleration, "test", "0" * 64)
+
+
+def displacement_of(motion):
+    """Integrate twice from rest, by trapezia."""
+    steps = motion.time_step * 0.5 * (motion.acceleration[1:] + motion.acceleration[:-1])
+    velocity = np.concatenate(([0.0], np.cumsum(steps)))
+    return np.concatenate(([0.0], np.cumsum(motion.time_step * 0.5 * (velocity[1:] + velocity[:-1]))))
+
+
+@pytest.mark.parametrize("frequency", [0.2, 0.5, 1.0, 4.0])
+def test_a_sine_keeps_its_phase_and_has_the_gain_of_butterworth(frequency):
+    """Twice through order 2: |H|^2 = 1 / (1 + (tan(pi f_c dt) / tan(pi f dt))^4) with the bilinear transform."""
+    corner, time = 0.5, STEP * np.arange(20_000)
+    filtered = high_pass(motion_of(np.sin(2 * np.pi * frequency * time)), corner)
+    extension = (filtered.steps - len(time)) // 2
+    assert extension * STEP == pytest.approx(3.0 / corner)
+    inside = slice(5000, 15_000)  # far from both ends, where only the steady state is left
+    gain = 1.0 / (1.0 + (np.tan(np.pi * corner * STEP) / np.tan(np.pi * frequency * STEP)) ** 4)
+    expected = gain * np.sin(2 * np.pi * frequency * time[inside])
+    assert filtered.acceleration[extension:-extension][inside] == pytest.approx(expected, abs=1e-5)
+
+
+def test_an_offset_no_longer_becomes_a_drift():
+    time = STEP * np.arange(6000)
+    pulse = np.exp(-0.5 * ((time - 20.0) / 0.1) ** 2)
+    drifting = motion_of(pulse + 0.01 - 0.002 * (time > 30.0))
+    assert abs(displacement_of(drifting)[-1]) > 10.0
+    corrected = displacement_of(high_pass(drifting, 0.1))
+    assert np.abs(corrected).max() < 0.5
+    assert corrected[-1] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.skipif(not KUMAMOTO.exists(), reason="real records are not part of the project")
+def test_a_real_record_that_drifts_comes_back_to_rest():
+    record = read_ground_motion(str(KUMAMOTO))
+    assert np.abs(displacement_of(record)).max() > 1.0
+    displacement = displacement_of(high_pass(record, 0.1))
+    assert np.abs(displacement).max() < 1.0
+    assert displacement[-1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("frequency", [0.0, -1.0, 50.0, float("nan")])
+def test_bad_corner_is_refused(frequency):
+    with pytest.raises(InputError, match=r"high-pass frequency .* can be filtered above 0 and below 50 Hz"):
+        high_pass(motion_of(np.ones(10)), frequency)
+
+
+def test_compressed_time_keeps_accelerations_and_squares_into_displacements():
+    record = motion_of(np.sin(0.1 * np.arange(500)))
+    compressed = scale_time(record, 0.5)
+    assert compressed.time_step == 0.5 * STEP
+    assert np.array_equal(compressed.acceleration, record.acceleration)
+    assert displacement_of(compressed) == pytest.approx(0.25 * displacement_of(record), rel=1e-12)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, float("inf"), float("nan")])
+def test_bad_time_scale_is_refused(factor):
+    with pytest.raises(InputError, match=r"time scale .* a finite number > 0 is required"):
+        scale_time(motion_of(np.ones(10)), factor)
+
+
+def test_the_filter_of_a_selected_motion_belongs_to_the_time_axis_of_the_record():
+    filtered = GroundMotionConfig(high_pass_frequency=0.1, peak_acceleration=0.0)
+    compressed = GroundMotionConfig(high_pass_frequency=0.1, time_scale=0.5, peak_acceleration=0.0)
+    whole = select_ground_motion(filtered, 0.02)
+    half = select_ground_motion(compressed, 0.01)
+    assert half.acceleration == pytest.approx(whole.acceleration, rel=1e-9, abs=1e-12)
+    assert half.time_step == 0.01
+
+
+def test_duration_is_that_of_the_test():
+    compressed = GroundMotionConfig(time_scale=0.5, duration=4.0, peak_acceleration=0.0)
+    whole = select_ground_motion(GroundMotionConfig(peak_acceleration=0.0), 0.02)
+    assert np.array_equal(select_ground_motion(compressed, 0.01).acceleration, whole.acceleration[:401])
+
+
+def test_a_time_scale_that_does_not_fit_the_step_of_the_loop_is_refused():
+    with pytest.raises(InputError, match=r"time step 0\.005 s; ground motion 'test' has 0\.003 s"):
+        prepare_ground_motion(motion_of(np.ones(10)), GroundMotionConfig(time_scale=0.3), 0.005)
+
+
+def test_without_being_asked_nothing_is_corrected():
+    record = motion_of(np.linspace(0.0, 1.0, 100), 0.005)
+    unchanged = prepare_ground_motion(record, GroundMotionConfig(peak_acceleration=0.0), 0.005)
+    assert np.array_equal(unchanged.acceleration, record.acceleration)
