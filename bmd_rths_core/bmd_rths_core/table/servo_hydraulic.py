@@ -13,7 +13,6 @@ acceleration z it gives the platen [m/s²].
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,6 +23,7 @@ from bmd_rths_core.discretisation import first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_core.table.model_table import ModelTable
 from bmd_rths_core.table.sensors import Sensors
 from bmd_rths_core.table.true_motion import TrueMotion
 
@@ -181,7 +181,7 @@ class ServoHydraulicConfig:
         return 4.0 * self.bulk_modulus * self.piston_area**2 / (self.oil_volume * self.platen_mass)
 
 
-class ServoHydraulicTable:
+class ServoHydraulicTable(ModelTable):
     """A table controller whose table is the servo-hydraulic model.
 
     The linear part is advanced by its exact discretisation; what is not linear is an input of it that is taken as
@@ -197,18 +197,12 @@ class ServoHydraulicTable:
         What stands on the table, n floors.
     time_step : float
         Δt [s].
-
-    Attributes
-    ----------
-    motion : TrueMotion
-        True motion at the end of the last step.
     """
 
     def __init__(
         self, config: ServoHydraulicConfig, sensors: Sensors, specimen: ShearBuilding, time_step: float
     ) -> None:
         self._config = config
-        self._sensors = sensors
         self._masses = np.asarray(specimen.masses)
         self._force_capacity = config.force_capacity / config.platen_mass
         self._friction = config.coulomb_friction / config.platen_mass
@@ -222,7 +216,7 @@ class ServoHydraulicTable:
         self._predict = self._observed @ np.hstack((phi, by_command, first + last))
         corrected = np.hstack((phi, by_command, first, last))
         self._correct = np.vstack((corrected, self._observed @ corrected))
-        self.connect()
+        super().__init__(sensors)
 
     @property
     def reference(self) -> tuple[float, float]:
@@ -241,76 +235,6 @@ class ServoHydraulicTable:
         """
         self._largest_opening = valve * self._config.rated_velocity
         self._supply = supply
-
-    def connect(self) -> None:
-        """Put the table at rest before step 0 and start the noise again from the seed."""
-        self._sensors.reset()
-        size = len(self._a)
-        # States, command, effects at the beginning and at the end of a substep: one vector, one product a substep.
-        self._work = np.zeros(size + 1 + 2 * EFFECTS)
-        self._state = self._work[:size]
-        self._next_step = 0
-        self._held = 0.0
-        self._connected = True
-        self.motion = TrueMotion()
-        self.degrade(1.0, 1.0)
-
-    def exchange(self, command: TableCommand) -> TableMeasurement:
-        """Hold a command for one step.
-
-        Parameters
-        ----------
-        command : TableCommand
-            The command; steps that were skipped are simulated with the last command held.
-
-        Returns
-        -------
-        TableMeasurement
-            Sensors at the end of the step.
-
-        Raises
-        ------
-        RuntimeError
-            The table was stopped, or the step lies in the past.
-        """
-        if not self._connected:
-            raise RuntimeError(f"command of step {command.step} refused: the simulated table is stopped")
-        if command.step < self._next_step:
-            raise RuntimeError(f"command of step {command.step} refused: step {self._next_step} is next")
-        for _ in range(command.step - self._next_step):
-            self._advance(self._held)
-        self._held = command.acceleration
-        self._advance(self._held)
-        self._next_step = command.step + 1
-        accelerations = self._output @ self._state
-        accelerations[0] += self._effects(*(self._observed @ self._state).tolist())[2]
-        displacement, velocity = float(self._state[POSITION]), float(self._state[VELOCITY])
-        force = self._config.platen_mass * float(self._state[PRESSURE])
-        self.motion = TrueMotion(displacement, velocity, float(accelerations[0]), force)
-        return self._sensors.read(
-            step=command.step,
-            applied_command=command.acceleration,
-            displacement=displacement,
-            accelerations=accelerations,
-            actuator_force=force,
-            base_shear=-float(self._masses @ accelerations[1:]),
-        )
-
-    def stop(self) -> None:
-        """Refuse further commands."""
-        self._connected = False
-
-    def emergency_stop(self) -> None:
-        """Refuse further commands."""
-        self._connected = False
-
-    def close(self) -> None:
-        """Refuse further commands; there is nothing to release."""
-        self._connected = False
-
-    def statistics(self) -> Mapping[str, str]:
-        """Return nothing: a model has no connection."""
-        return {}
 
     def frequency_response(self, omega: FloatArray) -> NDArray[np.complex128]:
         """Return table acceleration over acceleration command, linearised about a small steady motion.
@@ -331,7 +255,30 @@ class ServoHydraulicTable:
         identity = np.eye(len(self._a))
         return np.array([self._output[0] @ np.linalg.solve(1j * w * identity - self._a, self._b[:, 0]) for w in omega])
 
-    def _advance(self, acceleration: float) -> None:
+    def _rest(self) -> None:
+        size = len(self._a)
+        # States, command, effects at the beginning and at the end of a substep: one vector, one product a substep.
+        self._work = np.zeros(size + 1 + 2 * EFFECTS)
+        self._state = self._work[:size]
+        self.degrade(1.0, 1.0)
+
+    def _advance(self, command: TableCommand) -> TableMeasurement:
+        self._hold(command.acceleration)
+        accelerations = self._output @ self._state
+        accelerations[0] += self._effects(*(self._observed @ self._state).tolist())[2]
+        displacement, velocity = float(self._state[POSITION]), float(self._state[VELOCITY])
+        force = self._config.platen_mass * float(self._state[PRESSURE])
+        self.motion = TrueMotion(displacement, velocity, float(accelerations[0]), force)
+        return self._sensors.read(
+            step=command.step,
+            applied_command=command.acceleration,
+            displacement=displacement,
+            accelerations=accelerations,
+            actuator_force=force,
+            base_shear=-float(self._masses @ accelerations[1:]),
+        )
+
+    def _hold(self, acceleration: float) -> None:
         work, size, effects = self._work, len(self._a), self._effects
         at_begin, at_end = slice(size + 1, size + 1 + EFFECTS), slice(size + 1 + EFFECTS, None)
         known = work[: size + 1 + EFFECTS]

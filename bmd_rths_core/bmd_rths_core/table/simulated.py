@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,6 +15,7 @@ from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.dynamics import StateSpace, series, servo_sections
+from bmd_rths_core.table.model_table import ModelTable
 from bmd_rths_core.table.sensors import Sensors
 from bmd_rths_core.table.true_motion import TrueMotion
 
@@ -138,7 +138,7 @@ class SimulatedTableConfig:
         return series(self.sections if self.dynamics == "sections" else ())
 
 
-class SimulatedTable:
+class SimulatedTable(ModelTable):
     """A table controller whose table and specimen are a linear model.
 
     The command is held over the step, delayed by any fraction of it, and the whole chain (table, specimen, table
@@ -154,16 +154,10 @@ class SimulatedTable:
         Δt [s].
     seed : int
         Seed of the sensor noise.
-
-    Attributes
-    ----------
-    motion : TrueMotion
-        True motion at the end of the last step.
     """
 
     def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
         specimen = config.specimen(specimen)
-        self._sensors = config.sensors(specimen.stories, seed)
         self._masses = np.asarray(specimen.masses)
         self._platen_mass = config.platen_mass
 
@@ -180,60 +174,7 @@ class SimulatedTable:
             self._phi = self._phi @ first_phi
         self._newer, self._older = newer[:, 0], older[:, 0]
         self._delay_steps = int(whole)
-        self.connect()
-
-    def connect(self) -> None:
-        """Put the table at rest before step 0 and start the noise again from the seed."""
-        self._sensors.reset()
-        self._state = np.zeros(len(self._phi))
-        self._line = deque([0.0] * (self._delay_steps + 2), maxlen=self._delay_steps + 2)
-        self._next_step = 0
-        self._held = 0.0
-        self._connected = True
-        self.motion = TrueMotion()
-
-    def exchange(self, command: TableCommand) -> TableMeasurement:
-        """Hold a command for one step.
-
-        Parameters
-        ----------
-        command : TableCommand
-            The command; steps that were skipped are simulated with the last command held.
-
-        Returns
-        -------
-        TableMeasurement
-            Sensors at the end of the step.
-
-        Raises
-        ------
-        RuntimeError
-            The table was stopped, or the step lies in the past.
-        """
-        if not self._connected:
-            raise RuntimeError(f"command of step {command.step} refused: the simulated table is stopped")
-        if command.step < self._next_step:
-            raise RuntimeError(f"command of step {command.step} refused: step {self._next_step} is next")
-        while self._next_step < command.step:
-            self._advance(self._held)
-        self._held = command.acceleration
-        return self._advance(command.acceleration)
-
-    def stop(self) -> None:
-        """Refuse further commands; the model needs no ramp to rest."""
-        self._connected = False
-
-    def emergency_stop(self) -> None:
-        """Refuse further commands."""
-        self._connected = False
-
-    def close(self) -> None:
-        """Refuse further commands; there is nothing to release."""
-        self._connected = False
-
-    def statistics(self) -> Mapping[str, str]:
-        """Return nothing: a model has no connection."""
-        return {}
+        super().__init__(config.sensors(specimen.stories, seed))
 
     def state_space(self, displacement: bool = False) -> DiscreteStateSpace:
         """Return table and specimen as a linear system, without noise and quantisation.
@@ -275,20 +216,22 @@ class SimulatedTable:
             d=of_state @ b[:size] + of_command[:, :1],
         )
 
-    def _advance(self, acceleration: float) -> TableMeasurement:
+    def _rest(self) -> None:
+        self._state = np.zeros(len(self._phi))
+        self._line = deque([0.0] * (self._delay_steps + 2), maxlen=self._delay_steps + 2)
+
+    def _advance(self, command: TableCommand) -> TableMeasurement:
         line = self._line
-        line.append(acceleration)
+        line.append(command.acceleration)
         self._state = self._phi @ self._state + self._newer * line[1] + self._older * line[0]
         truth = self._output @ self._state + self._feedthrough * line[1]
         table, floors, displacement = truth[0], truth[1:-1], truth[-1]
         shear = -float(self._masses @ floors)
-        step = self._next_step
-        self._next_step += 1
         force = float(self._platen_mass * table - shear)
         self.motion = TrueMotion(float(displacement), float(self._state[-1]), float(table), force)
         return self._sensors.read(
-            step=step,
-            applied_command=acceleration,
+            step=command.step,
+            applied_command=command.acceleration,
             displacement=float(displacement),
             accelerations=truth[:-1],
             actuator_force=force,
