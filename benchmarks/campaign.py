@@ -44,8 +44,7 @@ from bmd_rths_nodes.campaign_results import CSV_NAME
 
 CONFIG = Path(__file__).parents[1] / "config" / "simplified_bmd.yaml"
 #: One record for every event of the paper, which names no stations: file, component, unit. Where there are several it
-#: is the strongest horizontal one that keeps within the stroke of the table at 1 m/s². The records of Kumamoto do not:
-#: the mainshock at KMMH16 and the foreshock are stopped by the displacement limit, the foreshock after 76 s, and stays.
+#: is the strongest horizontal one that keeps within the stroke of the table at 1 m/s².
 RECORDS = (
     "Cape_Mendocino/RSN828_CAPEMEND_PET090.AT2",
     "Chi-Chi/RSN1197_CHICHI_CHY028-N.AT2",
@@ -61,6 +60,8 @@ RECORDS = (
     "Parkfield/RSN30_PARKF_C05085.AT2",
     "Taipei/TAP017-E.AT2",
 )
+#: Baseline correction of all of them: the records of Kumamoto drift out of the stroke as they are.
+HIGH_PASS_HZ = 0.1
 #: Which of them the others are timed with, and with which scheme.
 SAMPLE, SAMPLE_SCHEME = (0, 5, 8), "plc_fc"
 REPEATS = 3
@@ -83,7 +84,11 @@ def campaign(motions: Path, output: Path) -> tuple[float, float, list[dict]]:
     command = [sys.executable, "-m", "bmd_rths_nodes.cli.main", "campaign", str(CONFIG), "--json"]
     begin, before = time.perf_counter(), os.times()
     finished = subprocess.run(
-        [*command, "--motions", str(motions), "--output", str(output)],
+        [
+            *command,
+            *("--set", f"ground_motion.high_pass_frequency={HIGH_PASS_HZ}"),
+            *("--motions", str(motions), "--output", str(output)),
+        ],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         check=True,
@@ -210,7 +215,7 @@ def show_memory(samples: Sequence[dict[str, float]], as_json: bool) -> None:
 
 def compare_times(full: bool, as_json: bool) -> None:
     """Time the campaign and the two other ways, and print them."""
-    config = load_config(CONFIG)
+    config = load_config(CONFIG).changed(ground_motion__high_pass_frequency=HIGH_PASS_HZ)
     with tempfile.TemporaryDirectory() as folder:
         path = write_list(Path(folder))
         motions = read_motions(path).motions

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
-from campaign import CONFIG, write_list
+from campaign import CONFIG, HIGH_PASS_HZ, write_list
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 from scipy.signal import lfilter
@@ -59,8 +59,6 @@ FREE = {
     "specimen_stiffness_factor": (0.97, 1.06),
 }
 
-#: Baseline correction of all records: the one of Kumamoto drifts out of the stroke of the table as it is.
-HIGH_PASS_HZ = 0.1
 BAND_HZ = (0.5, 8.0)  # of the delay
 #: 2 % below the limit: the limits are those of the configuration, and El Centro comes nearest to one.
 TRACKING_ERROR = 4.9  # m/s2

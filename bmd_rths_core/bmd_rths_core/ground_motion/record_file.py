@@ -22,6 +22,13 @@ MAX_BYTES = 100_000_000
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([EeDd][+-]?[0-9]+)?")
 # Fixed-width columns that are full run together: a sign after a digit begins the next number.
 _SEPARATOR = re.compile(r"[\s,]+|(?<=[0-9.])(?=[+-])")
+# A line of ordinary numbers, which nearly all are, by what stands between them: read as a whole it takes a fifth of the
+# time. Nothing in it can match in two ways, so that a line that is something else is left quickly.
+_PLAIN_NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[Ee][+-]?[0-9]+)?"
+_PLAIN_LINE = {
+    separator: re.compile(rf"\s*{_PLAIN_NUMBER}(?:{between}{_PLAIN_NUMBER})*\s*")
+    for separator, between in ((None, r"\s+"), (",", r"\s*,\s*"))
+}
 # Some files went through two DOS conversions and end their lines in CR CR LF.
 _LINE_END = re.compile(r"\r*\n|\r")
 # What may stand behind the last line; the last character is the end of a file of DOS.
@@ -135,7 +142,9 @@ class RecordFile:
         for line_number, line in enumerate(self.lines[first_line - 1 :], first_line):
             if end and line.lower().startswith(end):
                 break
-            values += [self.number(line_number, text) for text in _SEPARATOR.split(line) if text]
+            values += _plain_numbers(line, None) or [
+                self.number(line_number, text) for text in _SEPARATOR.split(line) if text
+            ]
         return values
 
     def fixed_width(self, first_line: int, count: int, columns: int, width: int) -> NDArray[np.float64]:
@@ -197,6 +206,10 @@ class RecordFile:
         """
         rows = []
         for line_number, line in enumerate(self.lines[first_line - 1 :], first_line):
+            row = _plain_numbers(line, separator)
+            if len(row) == columns:
+                rows.append(row)
+                continue
             cells = line.split(separator)
             if len(cells) != columns:
                 raise self.error(line_number, f"{len(cells)} numbers in {quoted(line)}; {columns} are required")
@@ -222,6 +235,14 @@ class RecordFile:
         """
         if found != required:
             raise InputError(f"{self.path}: {found} values up to line {len(self.lines)}, but {source} {required:.9g}")
+
+
+def _plain_numbers(line: str, separator: str | None) -> list[float]:
+    """Return the numbers of a line of ordinary finite ones; none when it has to be looked at number by number."""
+    if not _PLAIN_LINE[separator].fullmatch(line):
+        return []
+    numbers = [float(text) for text in line.split(separator)]
+    return numbers if all(map(math.isfinite, numbers)) else []
 
 
 def read_file(path: str | Path) -> RecordFile:

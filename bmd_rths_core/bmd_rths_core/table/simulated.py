@@ -34,7 +34,7 @@ class SimulatedTableConfig:
         choices=("servo", "sections", "perfect"),
     )
     servo_real_pole: float = parameter(
-        51.7,
+        51.38,
         description="Real pole of the servo table",
         unit="rad/s",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
@@ -42,7 +42,7 @@ class SimulatedTableConfig:
         lower_open=True,
     )
     servo_frequency: float = parameter(
-        143.0,
+        142.7,
         description="Natural frequency of the oscillatory pair of the servo table",
         unit="rad/s",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
@@ -50,7 +50,7 @@ class SimulatedTableConfig:
         lower_open=True,
     )
     servo_damping_ratio: float = parameter(
-        0.056,
+        0.055,
         description="Damping ratio of the oscillatory pair of the servo table",
         unit="1",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
