@@ -36,7 +36,7 @@ STATED = {
         "pure delay of 25 ms",
         "third-order servo",
     ],
-    13: ["el_centro_1940_ns", "RMSE (Eq. 12) 17.10 %", "the paper's figure shows Parkfield", "PLC + FC", "m/s²"],
+    13: ["el_centro_1940_ns", "RMSE (Eq. 12) 64.76 %", "the paper's figure shows Parkfield", "PLC + FC", "m/s²"],
 }
 
 

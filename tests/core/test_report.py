@@ -19,12 +19,14 @@ from bmd_rths_core.report.numerical_motion import numerical_motion, stability_in
 from bmd_rths_core.report.run_report import RunReport, run_report
 from bmd_rths_core.report.samples import filled, strong_motion
 from bmd_rths_core.report.tracking import delay_over_time, table_frequencies
+from tests.conftest import SERVO_TABLE
 
 DT = 0.005
 THREE_STORIES = {
     "numerical_substructure__masses": [4000.0, 4000.0, 4000.0],
     "numerical_substructure__stiffnesses": [6e7, 6e7, 6e7],
     "numerical_substructure__damping_coefficients": [2e4, 2e4, 2e4],
+    **SERVO_TABLE,
 }
 YIELDING = {
     "nonlinear__story_model": "bilinear",

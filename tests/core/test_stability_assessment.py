@@ -146,6 +146,7 @@ def test_verdict_in_words():
 def test_substructure_that_may_yield_is_analysed_about_rest_with_its_own_damping():
     """Modal damping of a single story is that of a dashpot with the same ratio, in all three analyses."""
     story = {"nonlinear__integration": "cr", "nonlinear__story_model": "bilinear", "nonlinear__yield_drifts": [0.01]}
+    story |= SERVO_TABLE
     modal = Config().changed(**story, nonlinear__damping="modal", nonlinear__damping_ratios=[0.05])
     dashpot = Config().changed(**story, numerical_substructure__damping_coefficients=[2.0 * 0.05 * 94.09 * 8000.0])
     ours, theirs = assess(modal, DEFAULTS), assess(dashpot, DEFAULTS)

@@ -13,12 +13,13 @@ from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferF
 from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import EQUATION_9, experimental_building, numerical_building
-from tests.conftest import WITHOUT_LIMITS
+from tests.conftest import SERVO_TABLE, WITHOUT_LIMITS
 
 DT = 0.005
 QUIET = Config().changed(
     simulated_table__acceleration_noise=0.0,
     simulated_table__shear_noise=0.0,
+    **SERVO_TABLE,
     **WITHOUT_LIMITS,
 )
 TABLES = {

@@ -36,8 +36,14 @@ SUBSTEP = 500_000
 #: The table is moved at least this often, so that little is left to simulate when an answer is due [ns].
 LONGEST_PAUSE = 1_000_000
 
-#: How long a table is still controlled when it is asked for no more motion: it lags behind what it is asked for [s].
+#: A table that is asked for no more motion lags behind and may ring: it is controlled until its velocity [m/s] ...
+STILL = 1e-3
+
+#: ... has been smaller for this long [s], ...
 SETTLING_TIME = 0.3
+
+#: ... but no longer than this: without oil pressure, say, it would never be still [s].
+LONGEST_SETTLING = 3.0
 
 #: A host that has been silent for longer loses its session to another one, unless its table is moving [ns].
 SESSION_SILENCE = 1_000_000_000
@@ -313,7 +319,7 @@ class VirtualController:
         self._held = 0.0
         self._applied = self._next_step = 0
         self._moved = self._substeps = 0
-        self._settled = 0.0
+        self._settled = self._asked = 0.0
         self._faults.reached(-1)
 
     def _trip(self, reason: Interlock) -> None:
@@ -348,8 +354,9 @@ class VirtualController:
             return
         displacement, velocity = table.reference
         asked_to_rest = at_rest(displacement, velocity)
-        self._settled = self._settled + duration if asked_to_rest else 0.0
-        if self._settled > SETTLING_TIME:
+        self._asked = self._asked + duration if asked_to_rest else 0.0
+        self._settled = self._settled + duration if asked_to_rest and abs(self.motion.velocity) < STILL else 0.0
+        if self._settled > SETTLING_TIME or self._asked > LONGEST_SETTLING:
             self._table = None
             if self.state is ControllerState.STOPPING:
                 self.state = ControllerState.IDLE
