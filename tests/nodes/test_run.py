@@ -277,7 +277,7 @@ def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
 
 
 def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
-    first = bmd_rths("run", CONFIG, *PATIENT, "--set", "ground_motion.duration=12.0", "--output", tmp_path, "--json")
+    first = bmd_rths("run", CONFIG, *PATIENT, "--set", "ground_motion.time_scale=1.0", "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
     assert second.status == 2
