@@ -36,6 +36,7 @@ SETTINGS = {
     "run.time_step": 0.02,
     "table.answer_timeout": 0.012,
     "numerical_substructure.masses": [8.0e6],
+    "ground_motion.time_scale": 1.0,
     "ground_motion.duration": 20.0,
     "ground_motion.peak_acceleration": 0.3,
     "safety.ramp_acceleration": 0.5,

@@ -226,6 +226,7 @@ SLOW = {
     "safety__stale_controller_limit": 10000,
     "safety__ramp_acceleration": 0.02,
     "safety__ramp_velocity": 0.01,
+    "ground_motion__time_scale": 1.0,
     "run__scheme": "uc",
     "numerical_substructure__masses": [8.0e6],
     **WITHOUT_LIMITS,

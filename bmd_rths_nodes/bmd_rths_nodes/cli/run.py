@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
-import time
 from pathlib import Path
 
 import click
@@ -15,7 +13,6 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
 from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
@@ -23,39 +20,24 @@ from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.operator_stop import OperatorStop
-from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.monitor import RunMonitor
+from bmd_rths_nodes.run_follower import RunFailed, RunFollower
 from bmd_rths_nodes.supervisor import Supervisor
 
-_RECORDER_MODULE = "bmd_rths_nodes.recorder_node"
 _PROCESSES = (
     "bmd_rths_nodes.numerical_substructure_node",
     "bmd_rths_nodes.command_shaper_node",
     "bmd_rths_nodes.table_driver_node",
     "bmd_rths_nodes.shear_estimator_node",
     "bmd_rths_nodes.force_correction_node",
-    _RECORDER_MODULE,
+    "bmd_rths_nodes.recorder_node",
 )
-_COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", _RECORDER_MODULE)
-
-#: Longest time until step 0 [s]; six processes have to start and to find each other.
-START_TIMEOUT = 60.0
-
-#: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
-CLOSING_TIMEOUT = 10.0
-
-#: Time the table is given to come to rest when nothing can be recorded any more [s].
-FAREWELL_TIME = 4.0
-
+_COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", "bmd_rths_nodes.recorder_node")
 
 _TOO_SLOW = (
     "This computer, or the table controller, did not keep up with the time step. Ending other work, --composed or a "
     "longer run.time_step help; run.max_consecutive_misses and safety.stale_shear_limit say how long the loop waits."
 )
-
-
-class RunFailed(Exception):
-    """The run could not be brought to an end; the text says why."""
 
 
 @click.command(epilog="Example: bmd-rths run config/simplified_bmd.yaml --scheme plc_fc --output bags")
@@ -134,63 +116,13 @@ def _run(config: Config, steps: int, modules: tuple[str, ...]) -> Path:
 
 def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts: list[int]) -> Path:
     """Show progress until the recorder has closed the bag."""
+    follower = RunFollower(monitor, supervisor, OperatorStop(monitor, supervisor, interrupts, log))
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
-    problem = ""
-    operator = OperatorStop(monitor, supervisor, interrupts, log)
-    give_up = time.perf_counter() + START_TIMEOUT
     with progress_bar(*columns, TimeElapsedColumn()) as progress:
         task = progress.add_task("starting", total=steps)
-        while True:
-            monitor.update(0.05)
-            substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
-            recorder = monitor.status.get(RECORDER)
-            state = "" if substructure is None else substructure.state
-            running, started = state == status.RUNNING, state in (status.RUNNING, status.ENDED)
-            if operator.asked and started:
-                operator.update()
-            if recorder is not None and recorder.state == status.ENDED:
-                if problem:
-                    log(f"error: {problem}")
-                return Path(recorder.values["bag"])
-            if substructure is not None and "step" in substructure.values:
-                missed = substructure.values["missed_deadlines"]
-                progress.update(
-                    task,
-                    description=f"{substructure.state}, {missed} deadlines missed",
-                    completed=int(substructure.values["step"]),
-                )
-            if recorder is not None and recorder.state == status.TRIPPED and not problem:
-                problem = f"{RECORDER}: {recorder.message}"
-                give_up = time.perf_counter() + FAREWELL_TIME
-            lost = supervisor.lost()
-            if lost is not None and not problem and not operator.asked:
-                problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
-                wait = CLOSING_TIMEOUT
-                if lost.module == _RECORDER_MODULE:  # a test that is not recorded is of no use
-                    supervisor.interrupt_first()
-                    wait = FAREWELL_TIME
-                give_up = time.perf_counter() + (wait if started else 0.0)
-            elif running and not problem and not operator.asked:
-                give_up = math.inf
-            elif started or operator.asked:
-                give_up = min(give_up, time.perf_counter() + (CLOSING_TIMEOUT if started else 0.0))
-            if time.perf_counter() > give_up or operator.leaving:
-                raise RunFailed(problem or _excuse(monitor, operator.asked, started))
-
-
-def _excuse(monitor: RunMonitor, asked_to_stop: bool, started: bool) -> str:
-    if asked_to_stop and started:
-        bag = monitor.status[RECORDER].values.get("bag", "") if RECORDER in monitor.status else ""
-        return f"stopped without waiting for the end of the recording; what was recorded is in {bag or 'no bag'}"
-    if asked_to_stop:
-        return "stopped before the test had begun"
-    substructure = monitor.status.get(NUMERICAL_SUBSTRUCTURE)
-    if started and substructure is not None:
-        return f"{substructure.message}; the recorder did not close its bag within {CLOSING_TIMEOUT:g} s"
-    waiting_for = substructure.values.get("waiting_for", "") if substructure else NUMERICAL_SUBSTRUCTURE
-    notes = {told.message for told in monitor.status.values() if told.state == status.WAITING} - {status.WAITING}
-    why = f" ({'; '.join(sorted(notes))})" if notes else ""
-    return (
-        f"the nodes did not find each other within {START_TIMEOUT:g} s; "
-        f"waiting for {waiting_for or 'the recorder'}{why}"
-    )
+        while (bag := follower.look()) is None:
+            description, begun = follower.progress
+            progress.update(task, description=description, completed=begun)
+    if follower.problem:
+        log(f"error: {follower.problem}")
+    return bag

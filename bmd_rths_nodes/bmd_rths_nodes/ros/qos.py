@@ -7,51 +7,28 @@ serves both kinds of subscription.
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+
+def _profile(depth: int, reliability: ReliabilityPolicy) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=reliability, durability=DurabilityPolicy.VOLATILE
+    )
+
+
 #: Offered by every publisher of the loop: five seconds of messages at 200 Hz for the recorder to catch up.
-PUBLISHER = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+PUBLISHER = _profile(1000, ReliabilityPolicy.RELIABLE)
 
 #: Asked for by the stages in real time: no repetition of what is lost. After a stall of the machine a stage catches up
 #: with every sample; a filter that skips one answers with a jump of its output (docs/decisions/0004).
-STAGE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+STAGE = _profile(10, ReliabilityPolicy.BEST_EFFORT)
 
 #: Asked for in real time by a table driver that waits for a real controller: a command that a newer one has overtaken
 #: is of no use to a table, and waiting for its answer would make the newer one late too.
-NEWEST = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+NEWEST = _profile(1, ReliabilityPolicy.BEST_EFFORT)
 
 #: Asked for by the stages in lockstep, where every message starts the next one and none may be lost.
-LOCKSTEP_STAGE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+LOCKSTEP_STAGE = _profile(10, ReliabilityPolicy.RELIABLE)
 
 #: Asked for by the recorder: five seconds of messages at 200 Hz.
-RECORDER = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+RECORDER = _profile(1000, ReliabilityPolicy.RELIABLE)
 
-DIAGNOSTICS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+DIAGNOSTICS = _profile(100, ReliabilityPolicy.RELIABLE)

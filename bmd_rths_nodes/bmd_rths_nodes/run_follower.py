@@ -1,0 +1,138 @@
+"""What a run on the ROS graph comes to, from the start of its processes until its bag is closed."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
+from bmd_rths_nodes.operator_stop import OperatorStop
+from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.monitor import RunMonitor
+from bmd_rths_nodes.supervisor import Supervisor
+
+#: Time between two looks [s].
+LOOK_PERIOD = 0.05
+
+#: Longest time until step 0 [s]; six processes have to start and to find each other.
+START_TIMEOUT = 60.0
+
+#: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
+CLOSING_TIMEOUT = 10.0
+
+#: Time the table is given to come to rest when nothing can be recorded any more [s].
+FAREWELL_TIME = 4.0
+
+
+class RunFailed(Exception):
+    """The run could not be brought to an end; the text says why."""
+
+
+class RunFollower:
+    """Follow a run by what its nodes tell, and decide when there is nothing more to wait for.
+
+    Parameters
+    ----------
+    monitor : RunMonitor
+        Hears the nodes.
+    supervisor : Supervisor
+        Their processes.
+    operator : OperatorStop
+        Hands on what the operator asks for.
+
+    Attributes
+    ----------
+    problem : str
+        What went wrong, in words; empty while nothing has.
+    """
+
+    def __init__(self, monitor: RunMonitor, supervisor: Supervisor, operator: OperatorStop) -> None:
+        self._monitor = monitor
+        self._supervisor = supervisor
+        self._operator = operator
+        self.problem = ""
+        self._give_up = time.perf_counter() + START_TIMEOUT
+
+    @property
+    def progress(self) -> tuple[str, int]:
+        """State of the run in words, and steps begun."""
+        told = self._monitor.status.get(NUMERICAL_SUBSTRUCTURE)
+        if told is None or "step" not in told.values:
+            return "starting", 0
+        return f"{told.state}, {told.values['missed_deadlines']} deadlines missed", int(told.values["step"])
+
+    def look(self) -> Path | None:
+        """Hear what is told and judge it.
+
+        Returns
+        -------
+        Path or None
+            The bag, when it is closed.
+
+        Raises
+        ------
+        RunFailed
+            Nothing more is to be expected.
+        """
+        self._monitor.update(LOOK_PERIOD)
+        if self._operator.asked and self._started:
+            self._operator.update()
+        recorder = self._monitor.status.get(RECORDER)
+        if recorder is not None and recorder.state == status.ENDED:
+            return Path(recorder.values["bag"])
+        if recorder is not None and recorder.state == status.TRIPPED and not self.problem:
+            self.problem = f"{RECORDER}: {recorder.message}"
+            self._wait_for(FAREWELL_TIME)
+        self._judge_processes()
+        if time.perf_counter() > self._give_up or self._operator.leaving:
+            raise RunFailed(self.problem or self._excuse())
+        return None
+
+    @property
+    def _state(self) -> str:
+        told = self._monitor.status.get(NUMERICAL_SUBSTRUCTURE)
+        return "" if told is None else told.state
+
+    @property
+    def _started(self) -> bool:
+        return self._state in (status.RUNNING, status.ENDED)
+
+    def _wait_for(self, seconds: float) -> None:
+        self._give_up = time.perf_counter() + seconds
+
+    def _judge_processes(self) -> None:
+        """Notice a process that has ended, and set how long to wait for the rest."""
+        undisturbed = not self.problem and not self._operator.asked
+        lost = self._supervisor.lost()
+        if lost is not None and undisturbed:
+            self.problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
+            if lost.name == RECORDER:  # a test that is not recorded is of no use
+                self._supervisor.interrupt_first()
+                self._wait_for(FAREWELL_TIME if self._started else 0.0)
+            else:
+                self._wait_for(CLOSING_TIMEOUT if self._started else 0.0)
+        elif self._state == status.RUNNING and undisturbed:
+            self._wait_for(math.inf)
+        elif self._started or self._operator.asked:
+            longest = CLOSING_TIMEOUT if self._started else 0.0
+            self._give_up = min(self._give_up, time.perf_counter() + longest)
+
+    def _excuse(self) -> str:
+        """Return why the run could not be brought to an end."""
+        told = self._monitor.status
+        if self._operator.asked and self._started:
+            bag = told[RECORDER].values.get("bag", "") if RECORDER in told else ""
+            return f"stopped without waiting for the end of the recording; what was recorded is in {bag or 'no bag'}"
+        if self._operator.asked:
+            return "stopped before the test had begun"
+        substructure = told.get(NUMERICAL_SUBSTRUCTURE)
+        if self._started and substructure is not None:
+            return f"{substructure.message}; the recorder did not close its bag within {CLOSING_TIMEOUT:g} s"
+        waiting_for = substructure.values.get("waiting_for", "") if substructure else NUMERICAL_SUBSTRUCTURE
+        notes = {peer.message for peer in told.values() if peer.state == status.WAITING} - {status.WAITING}
+        why = f" ({'; '.join(sorted(notes))})" if notes else ""
+        return (
+            f"the nodes did not find each other within {START_TIMEOUT:g} s; "
+            f"waiting for {waiting_for or 'the recorder'}{why}"
+        )
