@@ -73,14 +73,14 @@ def run(
         resolved = resolved.changed(run__preflight="override")
     make_table_controller(resolved)  # refuses what is wrong before any process is started; nothing is connected
     motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
-    prediction = preflight.checked(resolved, motion)
     folder = output if output is not None else Path(resolved.recorder.directory)
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
-    with output_folder(folder):
+    with output_folder(folder), RunMonitor() as monitor:  # another run is discovered while this one is predicted
+        prediction = preflight.checked(resolved, motion)
         if prediction is not None:
             log(preflight.in_words(resolved, prediction))
         try:
-            bag = _run(resolved, motion.steps, _COMPOSED_PROCESSES if composed else _PROCESSES)
+            bag = _run(resolved, motion.steps, _COMPOSED_PROCESSES if composed else _PROCESSES, monitor)
         except RunFailed as error:
             log(f"error: {error}")
             return 1
@@ -92,13 +92,9 @@ def run(
     return 0 if record.outcome == "finished" else 1
 
 
-def _run(config: Config, steps: int, modules: tuple[str, ...]) -> Path:
+def _run(config: Config, steps: int, modules: tuple[str, ...], monitor: RunMonitor) -> Path:
     """Run the processes to the end of the test and return the bag."""
-    with (
-        tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch,
-        collected_interrupts() as interrupts,
-        RunMonitor() as monitor,
-    ):
+    with tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch, collected_interrupts() as interrupts:
         others = monitor.nodes_already_there()
         if others:
             raise InputError(

@@ -17,8 +17,8 @@ from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP, TriggerClients
 
-#: Time in which nodes that are already there are discovered [s].
-DISCOVERY_TIME = 0.5
+#: Time from the start of a monitor in which nodes that are already there are discovered, on a busy machine too [s].
+DISCOVERY_TIME = 2.0
 
 
 class RunMonitor:
@@ -40,6 +40,7 @@ class RunMonitor:
 
     def __enter__(self) -> RunMonitor:
         """Start listening."""
+        self._begin = time.perf_counter()
         # No arguments: the command line is not one of ROS.
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node(f"rths_monitor_{os.getpid()}", enable_rosout=False, start_parameter_services=False)
@@ -79,15 +80,19 @@ class RunMonitor:
         self._executor.add_node(node)
 
     def nodes_already_there(self) -> list[str]:
-        """Return the nodes of another run on the same domain, once there was time to discover them.
+        """Return the nodes of another run on the same domain, as soon as any is discovered.
 
         Returns
         -------
         list of str
-            Roles, empty when the domain is free.
+            Roles, empty when there was time to discover them and the domain is free.
         """
-        self.update(DISCOVERY_TIME)
-        return self.nodes_there()
+        while (
+            not (found := self.nodes_there() or sorted(self.status))
+            and time.perf_counter() < self._begin + DISCOVERY_TIME
+        ):
+            self.update(0.05)
+        return found
 
     def nodes_there(self) -> list[str]:
         """Return the nodes of a run that are discovered by now.
