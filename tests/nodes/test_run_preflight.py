@@ -7,14 +7,15 @@ from bmd_rths_msgs_py.bag_reader import read_bag
 from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain
 
 
-def test_no_go_is_refused_in_one_line_and_nothing_is_written(run_main, tmp_path, domain):
-    status, output, errors = run_main("run", EIGHT_STORY, "--output", tmp_path / "bags")
-    assert (status, output) == (2, "")
+def test_no_go_is_refused_in_one_line_and_nothing_is_written(bmd_rths, tmp_path, domain):
+    result = bmd_rths("run", EIGHT_STORY, "--output", tmp_path / "bags").wait()
+    assert (result.status, result.output) == (2, "")
+    errors = result.errors
     assert errors.startswith("error: pre-flight: NO-GO: mass ratio 0.650 is above the allowable")
     assert "safety.stability_limit [1] passed at step 76" in errors
     assert "--override-preflight" in errors
     assert errors.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    assert not (tmp_path / "bags").exists()
     assert processes_of_domain(domain) == {}
 
 
