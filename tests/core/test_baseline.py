@@ -58,7 +58,9 @@ def test_an_offset_no_longer_becomes_a_drift():
     assert corrected[-1] == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.skipif(not KUMAMOTO.exists(), reason="real records are not part of the project")
+@pytest.mark.skipif(
+    not KUMAMOTO.exists(), reason="real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder"
+)
 def test_a_real_record_that_drifts_comes_back_to_rest():
     record = read_ground_motion(str(KUMAMOTO))
     assert np.abs(displacement_of(record)).max() > 1.0

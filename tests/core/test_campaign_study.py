@@ -154,6 +154,9 @@ def test_event_is_recognised_by_folder_or_file(path, event):
     assert event_of(path) == event
 
 
-@pytest.mark.skipif(not ground_motion_folder().is_dir(), reason="real records are no part of the project")
+@pytest.mark.skipif(
+    not ground_motion_folder().is_dir(),
+    reason="real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder",
+)
 def test_real_records_stand_for_every_event_of_the_paper():
     assert {event_of(path.as_posix()) for path in ground_motion_folder().glob("*/*")} >= set(EVENTS)
