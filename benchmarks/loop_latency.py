@@ -32,6 +32,7 @@ from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.deadlines import DeadlineMonitor
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.ground_motion.processing import scale_time
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.table.controller import TableCommand
@@ -264,7 +265,8 @@ def main(steps: int, repeats: int, quick: bool, as_json: bool) -> None:
         steps, repeats = 1000, 1
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that a SIGTERM ends the children too
     config = load_config(CONFIG)
-    record = read_ground_motion(config.ground_motion.record)
+    selection = config.ground_motion
+    record = scale_time(read_ground_motion(selection.record), selection.time_scale)
     length = (steps - 1) * config.run.time_step
     duration = min(record.duration, round(math.floor(length / record.time_step + 1e-9) * record.time_step, 9))
     lengths = {"duration": duration, "free_vibration": round(length - duration, 9)}
