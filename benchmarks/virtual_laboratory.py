@@ -51,18 +51,21 @@ Errors = Mapping[tuple[str, str], FloatArray]
 #: Parameters of `simulated_table` that are searched, and between which plausible values.
 FREE = {
     # A displacement-controlled actuator closes its loop at some 8 Hz; 1 / p is most of the delay.
-    "servo_real_pole": (42.0, 62.0),  # rad/s
-    # Oil column of a uni-axial table with 1.5 t on it: 20 to 30 Hz, lightly damped.
-    "servo_frequency": (125.0, 185.0),  # rad/s
-    "servo_damping_ratio": (0.055, 0.20),
+    "servo_real_pole": (38.0, 60.0),  # rad/s
+    # Oil column of a uni-axial table: 18 to 30 Hz, lightly damped.
+    "servo_frequency": (115.0, 185.0),  # rad/s
+    "servo_damping_ratio": (0.05, 0.20),
+    # Platen and piston of a table that carries a specimen of 1.56 t; how much the specimen pulls at it.
+    "platen_mass": (2000.0, 10000.0),  # kg
     # Elastomeric bearings are stiffer or softer by a few per cent, by amplitude and temperature.
-    "specimen_stiffness_factor": (0.97, 1.06),
+    "specimen_stiffness_factor": (0.95, 1.05),
 }
 
 BAND_HZ = (0.5, 8.0)  # of the delay
 #: 2 % below the limit: the limits are those of the configuration, and El Centro comes nearest to one.
 TRACKING_ERROR = 4.9  # m/s2
 DELAY_MS, MASS_RATIO, NEAR, EVENTS_IN_ORDER = 25.0, 0.2, 15.0, 11
+UNCOMPENSATED = (80.0, 96.0)  # % of the substructure, every record of the paper
 
 
 class Judgement(NamedTuple):
@@ -82,10 +85,16 @@ class Judgement(NamedTuple):
         values = self.errors[scheme, table]
         return float(values[np.isfinite(values)].mean()) if np.isfinite(values).any() else 1e3
 
-    def disorder(self) -> FloatArray:
-        """By how much each record misses FC < UC (by 0.1) and PLC+FC <= PLC < UC in the substructure."""
+    def outside(self) -> FloatArray:
+        """By how much the substructure of each record without compensation is outside the paper's range."""
+        uc, (lower, upper) = self.errors["uc", "substructure"], UNCOMPENSATED
+        return np.maximum(0.0, np.maximum(lower - uc, uc - upper))
+
+    def disorder(self, reserve: float = 0.1) -> FloatArray:
+        """By how much each record misses FC < UC and PLC < UC (by a reserve) and PLC+FC <= PLC in the substructure."""
         uc, fc, plc, both = (np.nan_to_num(self.errors[s, "substructure"], nan=1e3) for s in SCHEME_NAMES)
-        return np.maximum(0.0, fc - uc + 0.1) + np.maximum(0.0, both - plc) + np.maximum(0.0, plc - uc)
+        below_uc = np.maximum(0.0, fc - uc + reserve) + np.maximum(0.0, plc - uc + reserve)
+        return below_uc + np.maximum(0.0, both - plc)
 
 
 def prepared(config: Config, motions: Sequence[CampaignMotion]) -> list[SelectedMotion]:
@@ -101,7 +110,8 @@ def table_delay_ms(config: Config) -> float:
     """Slope through the origin of the phase of table and hold, as a laboratory measures it with sampled commands."""
     omega = 2.0 * np.pi * np.linspace(*BAND_HZ, 50)
     hold = Delay(config.simulated_table.command_delay + 0.5 * config.run.time_step)
-    phase = np.unwrap(np.angle(simulated_table(config.simulated_table).response(omega) * hold.response(omega)))
+    table = simulated_table(config.simulated_table, config.simulated_table.specimen(config.specimen.building()))
+    phase = np.unwrap(np.angle(table.response(omega) * hold.response(omega)))
     return float(-1e3 * (phase @ omega) / (omega @ omega))
 
 
@@ -197,7 +207,7 @@ def _power(ground: FloatArray, edges_hz: FloatArray, step: float) -> FloatArray:
 
 
 def cost(judgement: Judgement) -> float:
-    """Return what is missed: limit, means and order weigh most, then mass ratio, then delay; means should be close."""
+    """Return what is missed: limit, means and order weigh most, then mass ratio, delay and range; means come close."""
     if not all(np.isfinite(values).all() for values in judgement.errors.values()):
         return 1e5
     missed = closeness = 0.0
@@ -206,11 +216,12 @@ def cost(judgement: Judgement) -> float:
             deviation = abs(judgement.mean(scheme, name) - paper_mean(table, scheme)) / NEAR
             missed += max(0.0, deviation - 0.95) ** 2  # 5 % in reserve for what Parseval leaves out
             closeness += deviation**2
-    disorder = np.sort(judgement.disorder())[:EVENTS_IN_ORDER].sum()
-    ratio = max(0.0, abs(judgement.allowable_mass_ratio - MASS_RATIO) - 0.015)
+    disorder = np.sort(judgement.disorder(reserve=0.7))[:EVENTS_IN_ORDER].sum()
+    ratio = max(0.0, abs(judgement.allowable_mass_ratio - MASS_RATIO) - 0.01)
     tracking = max(0.0, judgement.tracking_error - TRACKING_ERROR)
-    delay = judgement.delay_ms - DELAY_MS
-    return 2e4 * (missed + tracking**2) + closeness + 300.0 * float(disorder) + 5e5 * ratio**2 + delay**2
+    delay = max(0.0, abs(judgement.delay_ms - DELAY_MS) - 0.5)
+    others = 300.0 * float(disorder) + 5e5 * ratio**2 + delay**2 + float(judgement.outside().mean())
+    return 2e4 * (missed + tracking**2) + 3.0 * closeness + others
 
 
 def search(config: Config, spectral: SpectralErrors, iterations: int) -> tuple[Config, list[tuple[float, ...]]]:
@@ -269,7 +280,7 @@ def show_targets(config: Config, judgement: Judgement, ended: Sequence[str]) -> 
             f"{judgement.tracking_error:.2f}",
         ),
         ("runs that a limit ended", "none but Christchurch, uc and fc", "; ".join(ended) or "none"),
-        ("uc of the substructure within 80 to 96 %", "12", f"{int(((uc >= 80.0) & (uc <= 96.0)).sum())}"),
+        ("uc of the substructure within 80 to 96 %", "12", f"{int((judgement.outside() == 0.0).sum())}"),
         ("records in the paper's order", f"{EVENTS_IN_ORDER} of {len(uc)}", f"{in_order}"),
     ]
     for name, table in PAPER_TABLES.items():

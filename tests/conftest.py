@@ -13,6 +13,7 @@ WITHOUT_LIMITS = {
 
 #: Changes of a configuration: a servo table for tests whose numbers belong to it, whatever table is the default.
 SERVO_TABLE = {
+    "simulated_table__dynamics": "servo",
     "simulated_table__servo_real_pole": 49.6,
     "simulated_table__servo_frequency": 183.6,
     "simulated_table__servo_damping_ratio": 0.167,

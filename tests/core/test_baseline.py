@@ -98,15 +98,30 @@ def test_the_filter_of_a_selected_motion_belongs_to_the_time_axis_of_the_record(
     assert half.time_step == 0.01
 
 
+def test_a_test_lasts_as_long_as_was_asked_for():
+    motion = select_ground_motion(GroundMotionConfig(time_scale=0.577, duration=4.0), 0.005)
+    assert motion.steps == 801
+    assert motion.acceleration[-2:] == pytest.approx(0.0, abs=0.2)  # cut at 3.993 s
+    assert motion.acceleration[-1] == 0.0
+
+
 def test_duration_is_that_of_the_test():
     compressed = GroundMotionConfig(time_scale=0.5, duration=4.0, peak_acceleration=0.0)
     whole = select_ground_motion(GroundMotionConfig(peak_acceleration=0.0), 0.02)
     assert np.array_equal(select_ground_motion(compressed, 0.01).acceleration, whole.acceleration[:401])
 
 
-def test_a_time_scale_that_does_not_fit_the_step_of_the_loop_is_refused():
-    with pytest.raises(InputError, match=r"time step 0\.005 s; ground motion 'test' has 0\.003 s"):
-        prepare_ground_motion(motion_of(np.ones(10)), GroundMotionConfig(time_scale=0.3), 0.005)
+def test_a_time_scale_need_not_fit_the_step_of_the_loop_when_the_record_does():
+    record = motion_of(np.sin(0.02 * np.arange(2000)))
+    scaled = prepare_ground_motion(record, GroundMotionConfig(time_scale=0.577, peak_acceleration=0.0), 0.005)
+    time = 0.005 * np.arange(scaled.steps)
+    inside = (time > 0.5) & (time < time[-1] - 0.5)
+    assert scaled.acceleration[inside] == pytest.approx(np.sin(0.02 * time[inside] / (0.577 * STEP)), abs=2e-4)
+
+
+def test_steps_that_fit_neither_before_nor_after_the_time_scale_are_refused():
+    with pytest.raises(InputError, match=r"time step 0\.004 s; ground motion 'test' has 0\.01 s"):
+        prepare_ground_motion(motion_of(np.ones(10)), GroundMotionConfig(time_scale=0.3), 0.004)
 
 
 def test_without_being_asked_nothing_is_corrected():

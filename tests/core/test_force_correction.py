@@ -12,6 +12,7 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import reference_of
 from bmd_rths_core.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stability.discrete import configured_mass_ratio
+from tests.conftest import SERVO_TABLE
 
 
 def test_unbalanced_force_is_subtracted_with_the_gain():
@@ -46,14 +47,15 @@ def test_scaled_shear_is_corrected_to_the_force_the_substructure_requires():
 
 @pytest.mark.parametrize("scheme", ["uc", "fc", "plc", "plc_fc"])
 def test_feedback_scale_is_a_lighter_specimen(scheme):
-    """A share s of the shear is the shear of a specimen with s times the mass, stiffness and damping."""
-    whole = Config().changed(run__scheme=scheme, force_correction__feedback_scale=0.3)
+    """A share s of the shear is that of s times the mass, stiffness and damping, on a table it does not move."""
+    whole = Config().changed(run__scheme=scheme, force_correction__feedback_scale=0.3, **SERVO_TABLE)
     building = whole.specimen.building().scaled(0.3)
     light = Config().changed(
         run__scheme=scheme,
         specimen__masses=building.masses,
         specimen__stiffnesses=building.stiffnesses,
         specimen__damping_coefficients=building.damping_coefficients,
+        **SERVO_TABLE,
     )
     assert configured_mass_ratio(whole) == pytest.approx(configured_mass_ratio(light), rel=1e-12)
     motion = select_ground_motion(GroundMotionConfig(duration=4.0), 0.005)

@@ -94,7 +94,8 @@ def test_system_is_known_by_its_frequency():
 @pytest.mark.parametrize(
     ("changes", "name"),
     [
-        ({}, "third-order servo"),
+        ({}, "third-order servo with interaction"),
+        ({"dynamics": "servo"}, "third-order servo"),
         ({"dynamics": "perfect", "command_delay": 0.025}, "perfect table + 25 ms"),
         ({"dynamics": "sections", "sections": EQUATION_9}, "Eq. 9"),
         ({"dynamics": "sections", "sections": EQUATION_9[:6]}, "configured sections"),

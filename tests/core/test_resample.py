@@ -16,6 +16,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion import (
     GroundMotion,
     fade_in,
+    interpolate,
     pad,
     read_ground_motion,
     resample,
@@ -173,6 +174,54 @@ def band_limited_el_centro(part_of_nyquist: float) -> FloatArray:
     frequency = np.linspace(0.0, 1.0, spectrum.size)
     # a gentle roll-off, so that the band limit does not ring up to the ends of the record
     return np.fft.irfft(spectrum * np.clip((part_of_nyquist - frequency) / 0.1, 0.0, 1.0), record.size)
+
+
+# ------------------------------------------------------------------------------------------------- any time step
+
+
+@pytest.mark.parametrize("time_step", [0.02 / 3, 0.02 / 2.31, 0.02 / 1.154, 0.02 * 1.3, 0.02 * np.sqrt(3.0), 0.1])
+def test_any_time_step_has_the_sines_below_the_pass_band_edge(time_step: float) -> None:
+    edge = 0.5 * (0.9 / 0.02 if time_step < 0.02 else 0.8 / time_step)
+    for frequency in edge * np.array([0.02, 0.5, 1.0]):
+        motion = interpolate(motion_of(np.sin(2 * np.pi * frequency * 0.02 * np.arange(900) + 0.7)), time_step)
+        assert motion.time_step == time_step
+        time = time_step * np.arange(motion.steps)
+        assert time[-1] <= 0.02 * 899 * (1 + 1e-12) < time[-1] + time_step
+        inside = (time >= EDGE * max(0.02, time_step)) & (time <= time[-1] - EDGE * max(0.02, time_step))
+        error = np.abs(motion.acceleration - np.sin(2 * np.pi * frequency * time + 0.7))
+        assert error[inside].max() < 2 * RIPPLE
+
+
+@pytest.mark.parametrize("part_of_nyquist", [1.0, 1.1, 1.25])
+def test_any_coarser_time_step_does_not_fold_back(part_of_nyquist: float) -> None:
+    time_step = 0.02 * np.sqrt(1.7)
+    frequency = part_of_nyquist * 0.5 / time_step
+    motion = interpolate(motion_of(np.sin(2 * np.pi * frequency * 0.02 * np.arange(900) + 0.7)), time_step)
+    assert np.max(np.abs(motion.acceleration[EDGE : -EDGE - 1])) < RIPPLE
+
+
+@given(record=RECORDS, ratio=RATIOS, coarser=st.booleans())
+def test_any_time_step_is_resampling_where_that_is_possible(record: FloatArray, ratio: int, coarser: bool) -> None:
+    record = np.append(record, np.zeros(ratio))
+    time_step = 0.02 * ratio if coarser else 0.02 / ratio
+    expected = resample(motion_of(record), time_step)
+    found = interpolate(motion_of(record), time_step)
+    np.testing.assert_allclose(found.acceleration, expected.acceleration, atol=1e-7)
+
+
+def test_any_time_step_agrees_with_fourier_interpolation() -> None:
+    record = band_limited_el_centro(0.85)
+    points = round(record.size * 2.3)  # 1952 points become 4490
+    time_step = 0.02 * record.size / points
+    found = interpolate(motion_of(record), time_step).acceleration
+    fourier = scipy.signal.resample(record, points)[: found.size]
+    assert np.max(np.abs(found - fourier)) < 2 * RIPPLE * np.max(np.abs(record))
+
+
+@pytest.mark.parametrize("time_step", [0.02 * 500.1, 0.02 / 500.1])
+def test_a_time_step_of_another_unit_is_refused(time_step: float) -> None:
+    with pytest.raises(InputError, match=r"has 0\.02 s, and a factor of at most 500 is required"):
+        interpolate(motion_of(np.ones(5)), time_step)
 
 
 # ---------------------------------------------------------------------------------------------- both directions

@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.signal import freqs, lsim
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.stability.models import simulated_table
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.dynamics import series, servo_sections
 from bmd_rths_core.table.simulated import SimulatedTable, SimulatedTableConfig
@@ -98,7 +102,7 @@ def test_sensors_agree_with_scipy_on_a_finer_grid(dynamics, delay_steps):
     assert measured_floors == pytest.approx(floors[fine::fine], rel=1e-7, abs=1e-9)
     shear = -floors[fine::fine] @ np.asarray(SPECIMEN.masses)
     assert [m.base_shear for m in measurements] == pytest.approx(shear, rel=1e-7, abs=1e-6)
-    force = 2500.0 * achieved[fine::fine] - shear
+    force = config.platen_mass * achieved[fine::fine] - shear
     assert [m.actuator_force for m in measurements] == pytest.approx(force, rel=1e-7, abs=1e-5)
 
 
@@ -113,6 +117,101 @@ def test_specimen_on_the_table_is_not_quite_its_model():
     floors = [m.floor_accelerations for m in drive(SimulatedTable(config, SPECIMEN, DT, seed=0), commands)]
     same = SimulatedTable(SimulatedTableConfig(**QUIET), specimen, DT, seed=0)
     assert np.array_equal(floors, [m.floor_accelerations for m in drive(same, commands)])
+
+
+INTERACTING = {
+    "dynamics": "interacting_servo",
+    "servo_real_pole": 45.0,
+    "servo_frequency": 140.0,
+    "servo_damping_ratio": 0.1,
+    "platen_mass": 3000.0,
+}
+
+
+def reaction_per_acceleration(specimen, s):
+    """Force of the specimen on the table over its acceleration, from the equation of motion of the floors."""
+    m, c, k = specimen.mass_matrix, specimen.damping_matrix, specimen.stiffness_matrix
+    relative = np.linalg.solve(m * s**2 + c * s + k, -m @ np.ones(len(m)))
+    return np.sum(m @ (1.0 + s**2 * relative))
+
+
+def interacting_response(specimen, s):
+    """Return the closed form: the cubic of the table alone, and M x'' = A P - reaction."""
+    p, w, z, m = (INTERACTING[n] for n in ("servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass"))
+    cubic = (s + p) * (s**2 + 2 * z * w * s + w**2)
+    return p * w**2 / (cubic + s**2 * (s + p + 2 * z * w) * reaction_per_acceleration(specimen, s) / m)
+
+
+def test_interacting_servo_has_the_closed_form_and_the_zeros_of_its_specimen():
+    config = SimulatedTableConfig(**INTERACTING, specimen_stiffness_factor=1.1)
+    specimen = config.specimen(SPECIMEN)
+    omega = np.concatenate(([0.01], np.linspace(1.0, 400.0, 300)))
+    expected = np.array([interacting_response(specimen, 1j * w) for w in omega])
+    plant = config.plant(specimen)
+    n = len(plant.a) - 2
+    found = [plant.output[0, :n] @ np.linalg.solve(1j * w * np.eye(n) - plant.a[:n, :n], plant.b[:n, 0]) for w in omega]
+    assert found == pytest.approx(expected, rel=1e-9)
+    model = simulated_table(config, specimen)
+    assert model.response(omega) == pytest.approx(expected, rel=1e-8)
+    assert np.sort(np.abs(model.zeros)) == pytest.approx(np.repeat(specimen.modes().frequencies, 2), rel=1e-3)
+
+
+def test_interacting_servo_without_weight_of_the_specimen_is_the_servo():
+    """With a platen of 1e9 kg nothing pulls at it."""
+    commands = np.random.default_rng(4).normal(size=200)
+    heavy = SimulatedTable(SimulatedTableConfig(**{**INTERACTING, "platen_mass": 1e9}, **QUIET), SPECIMEN, DT, seed=0)
+    servo = SimulatedTable(SimulatedTableConfig(**{**INTERACTING, "dynamics": "servo"}, **QUIET), SPECIMEN, DT, seed=0)
+    for ours, theirs in zip(drive(heavy, commands), drive(servo, commands), strict=True):
+        assert ours.table_acceleration == pytest.approx(theirs.table_acceleration, abs=2e-5)
+        assert ours.floor_accelerations == pytest.approx(theirs.floor_accelerations, abs=2e-5)
+
+
+def test_interacting_servo_moves_as_its_equations_of_motion_say():
+    """Displacement, velocity, pressure and floors as states, driven by the twice integrated command, by scipy."""
+    p, w, z, m = (INTERACTING[n] for n in ("servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass"))
+    oil, leak = w**2 + 2 * z * w * p, p + 2 * z * w
+    n = SPECIMEN.stories
+    inverse = np.diag(1.0 / np.asarray(SPECIMEN.masses))
+    k, c = inverse @ SPECIMEN.stiffness_matrix, inverse @ SPECIMEN.damping_matrix
+    # States: reference and rate, table displacement and velocity, pressure per mass, floor displacements, velocities.
+    a = np.zeros((5 + 2 * n, 5 + 2 * n))
+    absolute = np.zeros((n, 5 + 2 * n))  # accelerations of the floors
+    absolute[:, 5 : 5 + n], absolute[:, 5 + n :] = -k, -c
+    absolute[:, 2], absolute[:, 3] = k.sum(axis=1), c.sum(axis=1)
+    table = np.zeros(5 + 2 * n)
+    table[4] = 1.0
+    table -= np.asarray(SPECIMEN.masses) @ absolute / m
+    a[0, 1] = a[2, 3] = 1.0
+    a[3] = table
+    a[4, 0], a[4, 2], a[4, 3], a[4, 4] = p * w**2, -p * w**2, -oil, -leak
+    a[5 : 5 + n, 5 + n :] = np.eye(n)
+    a[5 + n :] = absolute
+    b = np.eye(5 + 2 * n)[:, [1]]
+    displacement = np.eye(1, 5 + 2 * n, 2)
+    outputs = np.vstack((table, absolute, displacement, m * table + np.asarray(SPECIMEN.masses) @ absolute))
+    commands = np.random.default_rng(5).normal(size=150)
+    held, time = np.append(np.repeat(commands, 10), 0.0), np.arange(1501) * DT / 10
+    _, expected, _ = lsim((a, b, outputs, np.zeros((len(outputs), 1))), held, time, interp=False)
+    measured = drive(SimulatedTable(SimulatedTableConfig(**INTERACTING, **QUIET), SPECIMEN, DT, seed=0), commands)
+    found = [[r.table_acceleration, *r.floor_accelerations, r.table_displacement, r.actuator_force] for r in measured]
+    assert np.array(found) == pytest.approx(expected[10::10], rel=1e-6, abs=1e-8)
+
+
+@given(
+    poles=st.tuples(st.floats(5.0, 300.0), st.floats(20.0, 500.0), st.floats(1e-3, 2.0)),
+    platen_mass=st.floats(10.0, 1e5),
+    specimen=st.tuples(st.floats(1e4, 1e8), st.floats(1e4, 1e8), st.floats(1.0, 1e4), st.floats(1.0, 1e4)),
+)
+def test_interacting_servo_is_stable_with_any_specimen(poles, platen_mass, specimen):
+    names = ("servo_real_pole", "servo_frequency", "servo_damping_ratio")
+    config = SimulatedTableConfig(**{**INTERACTING, "platen_mass": platen_mass, **dict(zip(names, poles, strict=True))})
+    plant = config.plant(ShearBuilding(SPECIMEN.masses, specimen[:2], specimen[2:]))
+    assert np.linalg.eigvals(plant.a[:-2, :-2]).real.max() < 0.0
+
+
+def test_interacting_servo_needs_a_platen():
+    with pytest.raises(InputError, match=r"simulated_table\.platen_mass: 0 kg; .*'interacting_servo' requires > 0 kg"):
+        SimulatedTableConfig(**{**INTERACTING, "platen_mass": 0.0})
 
 
 def test_perfect_table_follows_at_once_and_integrates_to_its_displacement():

@@ -16,13 +16,15 @@ from bmd_rths_core.identification.output import frequency_response_text, model_t
 from bmd_rths_core.identification.spectral_lines import averaged_response, incoherent_bands
 from bmd_rths_core.identification.table_model import identify_table
 from bmd_rths_core.table.dynamics import SECTION_LENGTH, series
+from tests.conftest import SERVO_TABLE
 
 DT = 0.005
 HZ = 2.0 * np.pi
 BAND, DELAY_BAND = (0.5 * HZ, 25.0 * HZ), (0.5 * HZ, 8.0 * HZ)
-SERVO = Config()
+LABORATORY = Config()
+SERVO = LABORATORY.changed(**SERVO_TABLE)
 EQUATION_9 = load_config(Path(__file__).parents[2] / "config" / "eight_story_bmd.yaml")
-TABLES = {"servo": SERVO, "Eq. 9": EQUATION_9}
+TABLES = {"servo": SERVO, "interacting servo": LABORATORY, "Eq. 9": EQUATION_9}
 TO_15_HZ = HZ * np.linspace(0.5, 15.0, 2000)
 
 
@@ -40,6 +42,8 @@ def identified(config, seed=0, order=None, **settings):
 def true_response(config, omega):
     """Return the transfer function of a configured table by python-control."""
     table = config.simulated_table
+    if table.dynamics == "interacting_servo":
+        return interacting_response(config, omega)
     if table.dynamics == "servo":
         p, w, z = table.servo_real_pole, table.servo_frequency, table.servo_damping_ratio
         factors = [control.tf([p], [1.0, p]), control.tf([w**2], [1.0, 2.0 * z * w, w**2])]
@@ -50,6 +54,20 @@ def true_response(config, omega):
     return np.prod(responses, axis=0) * np.exp(-1j * omega * table.command_delay)
 
 
+def interacting_response(config, omega):
+    """Return the table alone, and around it the force of the specimen that a platen moves against."""
+    table, specimen = config.simulated_table, config.simulated_table.specimen(config.specimen.building())
+    p, w, z = table.servo_real_pole, table.servo_frequency, table.servo_damping_ratio
+    cubic = np.polymul([1.0, p], [1.0, 2.0 * z * w, w**2])
+    a, b, c = specimen.relative_motion()
+    reaction = control.ss(a, b, np.asarray(specimen.masses) @ c, 0.0)
+    yielding = control.tf([1.0, p + 2.0 * z * w, 0.0, 0.0], table.platen_mass * cubic)
+    alone, reaction, yielding = (
+        control.frequency_response(part, omega).complex for part in (control.tf([p * w**2], cubic), reaction, yielding)
+    )
+    return alone / (1.0 + yielding * reaction)
+
+
 def sections_response(model, omega):
     space = series(model.sections)
     identity = np.eye(len(space.a))
@@ -58,7 +76,7 @@ def sections_response(model, omega):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(("name", "order", "degree"), [("servo", 3, 0), ("Eq. 9", 9, 4)])
+@pytest.mark.parametrize(("name", "order", "degree"), [("servo", 3, 0), ("interacting servo", 7, 4), ("Eq. 9", 9, 4)])
 def test_own_transfer_function_is_recovered_to_15_hz(name, order, degree, seed):
     config = TABLES[name]
     model = identified(config, seed)

@@ -71,7 +71,7 @@ def test_page_is_whole_needs_no_network_and_says_the_verdict_first(run_main, rec
     assert len(figures) == page.tags.count("figure") == 8
     for svg in figures:
         assert all(reference.startswith(("#", "data:")) for reference in re.findall(r'href="([^"]*)"', svg))
-    order = ("Finished", "simulated table with assumed parameters", "RMSE", "Limits", "Response of the floors")
+    order = ("Finished", "virtual laboratory", "RMSE", "Limits", "Response of the floors")
     places = [page.text.index(words) for words in order]
     assert places == sorted(places)
     for words in (

@@ -40,7 +40,7 @@ def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el
     result = finished(bmd_rths("run", CONFIG, "--scheme", scheme, "--lockstep", "--output", tmp_path, "--json"))
     record = read_bag(result["bag"])
     assert record.outcome == "finished"
-    assert record.steps == result["steps"] == 3119
+    assert record.steps == result["steps"] == 3599
     assert record.same_signals(in_process(run__scheme=scheme))
     assert result["missing_values"] == result["missed_deadlines"] == 0
     assert result["stable"] is True
@@ -80,7 +80,7 @@ def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, cli
     os.kill(recorder, signal.SIGSTOP)
     wait_until(lambda: client.spin_some() or (len(steps) > 2 and steps[-2] == steps[-1]))
     os.kill(recorder, signal.SIGCONT)
-    assert 100 < steps[-1] < 3119
+    assert 100 < steps[-1] < 3599
     assert read_bag(finished(child)["bag"]).same_signals(in_process())
 
 
@@ -187,7 +187,7 @@ def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_p
     record = read_bag(told["bag"])
     assert record.outcome == "stopped"
     assert "operator" in record.reason
-    assert 0 < record.steps < 3119
+    assert 0 < record.steps < 3599
     assert processes_of_domain(domain) == {}
 
 

@@ -15,6 +15,7 @@ from bmd_rths_core.ground_motion.motion import STANDARD_GRAVITY, GroundMotion
 from bmd_rths_core.ground_motion.processing import (
     fade_in,
     high_pass,
+    interpolate,
     pad,
     resample,
     scale_time,
@@ -28,6 +29,7 @@ __all__ = [
     "GroundMotion",
     "fade_in",
     "high_pass",
+    "interpolate",
     "pad",
     "read_at2",
     "read_cosmos",

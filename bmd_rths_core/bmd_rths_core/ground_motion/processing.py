@@ -73,6 +73,51 @@ def resample(motion: GroundMotion, time_step: float) -> GroundMotion:
     return replace(motion, time_step=time_step, acceleration=acceleration[start : start + steps])
 
 
+def interpolate(motion: GroundMotion, time_step: float) -> GroundMotion:
+    """Change the time step by any factor, without phase shift and without aliasing.
+
+    The filters are those of `resample`, taken where the new points lie: pass band and stop band are the same, but no
+    given point is kept as it is.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+        A record of N points.
+    time_step : float
+        The time step wanted [s], up to 500 times finer or coarser than that of the record.
+
+    Returns
+    -------
+    GroundMotion
+        Its points up to the last one of the record.
+
+    Raises
+    ------
+    InputError
+        The factor is too large, or fewer than two points would be left.
+    """
+    _check_positive("time step", time_step, "s")
+    points = time_step / motion.time_step  # of the record in one step
+    if not 1.0 / MAX_RATIO <= points <= MAX_RATIO:
+        raise InputError(
+            f"time step {time_step:.9g} s; ground motion {motion.name!r} has {motion.time_step:.9g} s, and a factor of "
+            f"at most {MAX_RATIO} is required"
+        )
+    positions = points * np.arange(math.floor((motion.steps - 1) / points + _RATIO_TOLERANCE) + 1)
+    nearest = np.round(positions).astype(int)
+    # Steps that lie in the same way between the points share their taps: few do not when the factor is a short decimal.
+    between, taps_of = np.unique(np.round(positions - nearest, 9), return_inverse=True)
+    width = max(1.0, points)
+    half = math.ceil(_HALF_WIDTH * width + 0.5)
+    distance = (np.arange(-half, half + 1) - between[:, None]) / width
+    taps = _kernel(distance, cut_off=1.0 if points <= 1.0 else 0.9) / width
+    padded = np.pad(motion.acceleration, half)
+    acceleration = np.zeros(len(positions))
+    for j in range(2 * half + 1):
+        acceleration += taps[taps_of, j] * padded[nearest + j]
+    return replace(motion, time_step=time_step, acceleration=acceleration)
+
+
 def scale_time(motion: GroundMotion, factor: float) -> GroundMotion:
     """Stretch or compress the time axis of a record; accelerations stay.
 
@@ -253,23 +298,59 @@ def truncate(motion: GroundMotion, duration: float) -> GroundMotion:
     return replace(motion, acceleration=motion.acceleration[:steps])
 
 
-def _ratio(motion: GroundMotion, time_step: float) -> tuple[int, int]:
-    """Return how many times finer and how many times coarser `time_step` is; one of the two is 1."""
+def divide_each_other(one: float, other: float) -> bool:
+    """Tell whether one of two time steps is a whole multiple of the other, up to 500 times.
+
+    Parameters
+    ----------
+    one, other : float
+        Time steps > 0 [s].
+    """
+    ratio = max(one / other, other / one)
+    return ratio < MAX_RATIO + 0.5 and abs(ratio - round(ratio)) <= _RATIO_TOLERANCE * ratio
+
+
+def check_time_step(motion: GroundMotion, time_step: float) -> None:
+    """Check that a time step and that of a record divide each other.
+
+    Parameters
+    ----------
+    motion : GroundMotion
+        The record.
+    time_step : float
+        The time step wanted [s].
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
     _check_positive("time step", time_step, "s")
-    ratio = max(motion.time_step / time_step, time_step / motion.time_step)
-    if ratio > MAX_RATIO + 0.5 or abs(ratio - round(ratio)) > _RATIO_TOLERANCE * ratio:
+    if not divide_each_other(motion.time_step, time_step):
         raise InputError(
             f"time step {time_step:.9g} s; ground motion {motion.name!r} has {motion.time_step:.9g} s, and a whole "
             f"multiple or a whole fraction of that is required, by a factor of at most {MAX_RATIO}"
         )
-    return (round(ratio), 1) if time_step < motion.time_step else (1, round(ratio))
+
+
+def _ratio(motion: GroundMotion, time_step: float) -> tuple[int, int]:
+    """Return how many times finer and how many times coarser `time_step` is; one of the two is 1."""
+    check_time_step(motion, time_step)
+    finer, coarser = round(motion.time_step / time_step), round(time_step / motion.time_step)
+    return max(finer, 1), max(coarser, 1)
 
 
 def _low_pass(ratio: int, cut_off: float) -> NDArray[np.float64]:
     """Return a windowed sinc at the finer rate: gain `ratio`, -6 dB at `cut_off` times the lower Nyquist frequency."""
     half = ratio * _HALF_WIDTH
-    position = np.arange(-half, half + 1) / ratio
-    window = np.kaiser(2 * half + 1, 0.1102 * (_DESIGN_ATTENUATION - 8.7))  # Kaiser's β, Eq. 7.75 of the same book
+    return _kernel(np.arange(-half, half + 1) / ratio, cut_off)
+
+
+def _kernel(position: NDArray[np.float64], cut_off: float) -> NDArray[np.float64]:
+    """Return the windowed sinc at some distances from its middle, in points of the coarser record."""
+    beta = 0.1102 * (_DESIGN_ATTENUATION - 8.7)  # Kaiser's β, Eq. 7.75 of the same book
+    inside = np.sqrt(np.maximum(0.0, 1.0 - (position / _HALF_WIDTH) ** 2))
+    window = np.where(np.abs(position) <= _HALF_WIDTH, np.i0(beta * inside) / np.i0(beta), 0.0)
     return cut_off * np.sinc(cut_off * position) * window
 
 

@@ -10,8 +10,11 @@ from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, UNIT_CHOICES
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import (
+    check_time_step,
+    divide_each_other,
     fade_in,
     high_pass,
+    interpolate,
     pad,
     resample,
     scale_time,
@@ -113,8 +116,8 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
     Raises
     ------
     InputError
-        The record cannot be read, its component or unit is missing, its time step and Δt do not divide each other,
-        or it is shorter than its fade-in.
+        The record cannot be read, its component or unit is missing, its time step and Δt do not divide each other
+        (before or after the time scale), or it is shorter than its fade-in.
     """
     return prepare_ground_motion(read_ground_motion(config.record, config.component, config.unit), config, time_step)
 
@@ -139,16 +142,21 @@ def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time
     Raises
     ------
     InputError
-        It is shorter than asked for, or its time step and Δt do not divide each other.
+        It is shorter than asked for, or its time step and Δt divide each other neither before nor after the time scale.
     """
-    motion = scale_time(motion, config.time_scale)
+    recorded, motion = motion, scale_time(motion, config.time_scale)
     if config.duration > 0.0:
         motion = truncate(motion, config.duration)
     if config.high_pass_frequency > 0.0:
         motion = high_pass(motion, config.high_pass_frequency / config.time_scale)
-    motion = resample(motion, time_step)
+    if divide_each_other(motion.time_step, time_step):
+        motion = resample(motion, time_step)
+    else:  # a time scale has no reason to fit the time step of the loop, a record has
+        check_time_step(recorded, time_step)
+        motion = interpolate(motion, time_step)
     if config.fade_in > 0.0:
         motion = fade_in(motion, config.fade_in)
     if config.peak_acceleration > 0.0:
         motion = scale_to_peak(motion, config.peak_acceleration)
-    return pad(motion, motion.duration + config.free_vibration)
+    # A record is cut at one of its points; the test lasts as long as was asked for.
+    return pad(motion, max(motion.duration, config.duration) + config.free_vibration)

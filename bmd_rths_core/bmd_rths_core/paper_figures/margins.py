@@ -149,7 +149,10 @@ def figure_7(config: Config) -> MarginFigure:
     -------
     MarginFigure
     """
-    table, delay = simulated_table(config.simulated_table), config.simulated_table.command_delay
+    table, delay = (
+        simulated_table(config.simulated_table, config.specimen.building()),
+        config.simulated_table.command_delay,
+    )
     compensator = phase_lead_compensator(config.command_shaper, config.run.time_step)
     name = table_name(config)
     cases = (LoopCase(name, table, None, delay), LoopCase(f"{name} + PLC", table, compensator, delay))
@@ -196,7 +199,7 @@ def figure_11(config: Config) -> MarginFigure:
     The paper does not give the coefficients of the table it identified with the simplified specimen on it. Three others
     take its place: the pure delay of 25 ms it states, Eq. 9, and the table of the configuration.
     """
-    configured = simulated_table(config.simulated_table)
+    configured = simulated_table(config.simulated_table, config.specimen.building())
     cases = (
         LoopCase("pure delay of 25 ms", Delay(0.025)),
         LoopCase("Eq. 9", table_sections(EQUATION_9)),

@@ -81,6 +81,8 @@ def table_name(config: Config) -> str:
     table = config.simulated_table
     if table.dynamics == "servo":
         name = "third-order servo"
+    elif table.dynamics == "interacting_servo":
+        name = "third-order servo with interaction"
     elif table.dynamics == "perfect":
         name = "perfect table"
     else:

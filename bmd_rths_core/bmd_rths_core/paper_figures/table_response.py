@@ -177,7 +177,7 @@ def _figure(
 ) -> TableResponse:
     measured = measure_table(config, progress).between(*SHOWN_BAND)
     omega = np.linspace(0.0, SHOWN_BAND[1], _POINTS)
-    table = simulated_table(config.simulated_table)
+    table = simulated_table(config.simulated_table, config.simulated_table.specimen(config.specimen.building()))
     model = table.response(omega) * Delay(config.simulated_table.command_delay).response(omega)
     noise = config.simulated_table.acceleration_noise
     stated = f"{1e3 * delay:g} ms"

@@ -126,7 +126,7 @@ def _table(config: Config, options: AnalysisOptions) -> tuple[LoopElement, float
     """Return the table and its pure delay [s]."""
     if options.measured_table is not None:
         return options.measured_table, 0.0
-    return simulated_table(config.simulated_table), config.simulated_table.command_delay
+    return simulated_table(config.simulated_table, config.specimen.building()), config.simulated_table.command_delay
 
 
 def _modes(config: Config, choice: int | str) -> tuple[IdentifiedMode, ...]:

@@ -277,7 +277,7 @@ def loop_of(config: Config) -> LoopTransferFunction:
     return LoopTransferFunction(
         elastic_numerical_building(nonlinear_building(chain, config.nonlinear), first_effective_mass(chain)),
         experimental_building(config.specimen.building()),
-        simulated_table(config.simulated_table),
+        simulated_table(config.simulated_table, config.specimen.building()),
         phase_lead_compensator(config.command_shaper, step) if config.scheme.phase_lead else None,
         step + config.simulated_table.command_delay,
     )

@@ -17,7 +17,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.elements import ComplexArray, DiscreteCompensator, Rational
-from bmd_rths_core.table.dynamics import SECTION_LENGTH, series, servo_sections
+from bmd_rths_core.table.dynamics import SECTION_LENGTH, series
 from bmd_rths_core.table.simulated import SimulatedTableConfig
 
 FloatArray = NDArray[np.float64]
@@ -255,24 +255,32 @@ def table_sections(sections: tuple[float, ...] = ()) -> Rational:
     return Rational(np.concatenate((none, *zeros)), np.concatenate((none, *poles)), np.asarray(gain))
 
 
-def simulated_table(config: SimulatedTableConfig) -> Rational:
+def simulated_table(config: SimulatedTableConfig, specimen: ShearBuilding) -> Rational:
     """Return the model of the simulated table, without its pure delay.
 
     Parameters
     ----------
     config : SimulatedTableConfig
         Table.
+    specimen : ShearBuilding
+        What stands on it. It matters for an interacting servo alone, and should then be the experimental substructure
+        of the same loop: where the two differ, the poles of one are not the zeros of the other.
 
     Returns
     -------
     Rational
+        See `table_sections`. The zeros of an interacting servo are the poles of the specimen on a table at rest.
+
+    Raises
+    ------
+    InputError
         See `table_sections`.
     """
-    if config.dynamics == "servo":
-        return table_sections(
-            servo_sections(config.servo_real_pole, config.servo_frequency, config.servo_damping_ratio)
-        )
-    return table_sections(config.sections if config.dynamics == "sections" else ())
+    if config.dynamics != "interacting_servo":
+        return table_sections(config.own_sections)
+    zeros = _eigenvalues(np.asarray(specimen.masses), specimen.damping_matrix, specimen.stiffness_matrix)
+    poles = np.asarray(np.linalg.eigvals(config.plant(specimen).a[:-2, :-2]), dtype=complex)
+    return Rational(zeros, poles, np.asarray(config.servo_real_pole * config.servo_frequency**2))
 
 
 def phase_lead_compensator(config: CommandShaperConfig, time_step: float) -> DiscreteCompensator:

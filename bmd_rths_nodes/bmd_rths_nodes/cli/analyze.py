@@ -58,8 +58,8 @@ def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
     elif as_json:
         click.echo(json.dumps({"runs": results}))
     else:
-        simulated = any(result["table"] == "simulated" for result in results)
-        show_error_tables(results, varied=False, simulated=simulated)
+        assumed = dict.fromkeys(result["assumptions"] for result in results if result["assumptions"])
+        show_error_tables(results, varied=False, assumed=assumed)
     return 0
 
 

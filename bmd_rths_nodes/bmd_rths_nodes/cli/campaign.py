@@ -16,6 +16,7 @@ import click
 import yaml
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from bmd_rths_core.assumptions import assumptions
 from bmd_rths_core.campaign.motions import read_motions
 from bmd_rths_core.campaign.study import Piece, Study
 from bmd_rths_core.errors import InputError
@@ -101,9 +102,9 @@ def campaign(
         told = (_told(results.read(key), bags) for key in keys)
         parquet = results.write_parquet()
         if as_json:
-            _print_json(told, found.left_out)
+            _print_json(told, found.left_out, assumptions(config))
         else:
-            show_error_tables(told, varied=bool(vary), simulated=True)
+            show_error_tables(told, varied=bool(vary), assumed=(assumptions(config),))
             click.echo(f"results: {results.path}" + (f" {parquet}" if parquet else ""))
     return 0
 
@@ -178,9 +179,9 @@ def _told(result: dict[str, Any], bags: Path | None) -> dict[str, Any]:
     return result if bags is None else {**result, "bag": str(bag_of(result, bags))}
 
 
-def _print_json(results: Iterator[dict[str, Any]], left_out: dict[str, str]) -> None:
+def _print_json(results: Iterator[dict[str, Any]], left_out: dict[str, str], assumed: str) -> None:
     """Print one object, a run a time."""
     click.echo('{"runs": [', nl=False)
     for i, result in enumerate(results):
         click.echo((", " if i else "") + json.dumps(result), nl=False)
-    click.echo(f'], "left_out": {json.dumps(left_out)}}}')
+    click.echo(f'], "left_out": {json.dumps(left_out)}, "assumptions": {json.dumps(assumed)}}}')

@@ -14,7 +14,6 @@ from rich.text import Text
 
 from bmd_rths_core.campaign.paper_tables import PAPER_TABLES, event_of, paper_mean
 from bmd_rths_core.schemes import SCHEME_NAMES
-from bmd_rths_nodes.cli.results import VIRTUAL_LABORATORY
 
 #: Narrowest output; a terminal that is narrower wraps [characters].
 _WIDTH = 120
@@ -44,7 +43,7 @@ class _Mean:
         return ", ".join(part for part in (mean, unstable) if part)
 
 
-def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, simulated: bool) -> None:
+def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, assumed: Iterable[str]) -> None:
     """Print the errors of many runs.
 
     Parameters
@@ -53,8 +52,8 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, simula
         As `bmd_rths_core.campaign.study.FinishedRun` has them; read once, and not kept where something is varied.
     varied : bool
         A line for the means of each variation, instead of one for each ground motion.
-    simulated : bool
-        Some of them are of the simulated table, which is said.
+    assumed : iterable of str
+        What the results assume, each a sentence.
     """
     means: dict[str, dict[tuple[str, str], _Mean]] = defaultdict(lambda: defaultdict(_Mean))
     rows: list[dict[str, Any]] = []
@@ -77,8 +76,8 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, simula
             table.add_row(Text(label), *(["paper's events"] if not varied else [""]), *cells, style="bold")
         console.print(table)
     click.echo(_NOTE)
-    if simulated:
-        click.echo(VIRTUAL_LABORATORY)
+    for sentence in assumed:
+        click.echo(sentence)
 
 
 def result_with_event(result: Mapping[str, Any], source: str) -> dict[str, Any]:

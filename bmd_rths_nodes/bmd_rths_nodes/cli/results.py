@@ -11,13 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from bmd_rths_core.assumptions import assumptions
 from bmd_rths_core.report.analysis import RunAnalysis
-
-#: Said wherever results of the simulated table are shown to a person.
-VIRTUAL_LABORATORY = (
-    "The table is simulated: a virtual laboratory whose parameters are assumed "
-    "(docs/decisions/0013-virtual-laboratory.md)."
-)
 
 
 def result_of(analysis: RunAnalysis) -> dict[str, Any]:
@@ -38,6 +33,7 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     result = {
         "scheme": record.configuration["run"]["scheme"],
         "table": record.configuration["table"]["controller"],
+        "assumptions": assumptions(analysis.config),
         "motion": record.motion["name"],
         "steps": record.steps,
         "duration_s": record.steps * record.time_step,
@@ -93,8 +89,8 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
         table.add_row("closure of a step", closure)
     Console(soft_wrap=True).print(table)
-    if result["table"] == "simulated":
-        click.echo(VIRTUAL_LABORATORY)
+    if result["assumptions"]:
+        click.echo(result["assumptions"])
     if "bag" in result:
         click.echo(f"bag: {result['bag']}")
 

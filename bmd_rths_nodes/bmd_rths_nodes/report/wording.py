@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from bmd_rths_core.assumptions import assumptions
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import RunAnalysis
 
@@ -99,13 +100,12 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
 
 
 def assumption(analysis: RunAnalysis) -> str:
-    """Return what table the results come from.
+    """Return what table the results come from, and what is assumed of it.
 
     Parameters
     ----------
     analysis : RunAnalysis
         The run.
     """
-    if analysis.config.table.controller == "simulated":
-        return "The results come from a simulated table with assumed parameters, not from a laboratory."
-    return f"Table controller: {analysis.config.table.controller}, {analysis.config.table.address}."
+    table = analysis.config.table
+    return assumptions(analysis.config) or f"Table controller: {table.controller}, {table.address}."

@@ -1,0 +1,47 @@
+"""What has to be assumed of a virtual laboratory, in words: said wherever its results are shown."""
+
+from __future__ import annotations
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.table.simulated import SimulatedTableConfig
+
+
+def assumptions(config: Config) -> str:
+    """Return what the results of a configuration assume that no laboratory has measured.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Returns
+    -------
+    str
+        One sentence; empty where the table is a real one.
+    """
+    if config.table.controller != "simulated":
+        return ""
+    table, motion = config.simulated_table, config.ground_motion
+    parts = [_dynamics(table)]
+    if table.command_delay > 0.0:
+        parts.append(f"delay of the command {1e3 * table.command_delay:g} ms")
+    if table.specimen_stiffness_factor != 1.0:
+        parts.append(f"stories {table.specimen_stiffness_factor:g} times as stiff as their model")
+    parts.append(f"accelerometer noise {table.acceleration_noise:g} m/s²")
+    if motion.time_scale != 1.0:
+        parts.append(f"time of the record multiplied by {motion.time_scale:g}")
+    return f"The table is a virtual laboratory; assumed are: {', '.join(parts)}."
+
+
+def _dynamics(table: SimulatedTableConfig) -> str:
+    if table.dynamics == "perfect":
+        return "a perfect table"
+    if table.dynamics == "sections":
+        return "a table with the transfer function simulated_table.sections"
+    servo = (
+        f"a servo table with poles of {table.servo_real_pole:g} and {table.servo_frequency:g} rad/s "
+        f"(damping ratio {table.servo_damping_ratio:g})"
+    )
+    if table.dynamics == "servo":
+        return servo
+    return f"{servo}, a platen of {table.platen_mass:g} kg that the specimen pulls at"
