@@ -18,7 +18,17 @@ from bmd_rths_core.record import TimingStatistics, provenance
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
 from bmd_rths_msgs_py.story import end_metadata, start_metadata
-from bmd_rths_msgs_py.topics import DIAGNOSTICS, NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER, TOPICS, Topic
+from bmd_rths_msgs_py.topics import (
+    DESIRED_ACCELERATION,
+    DIAGNOSTICS,
+    GROUND_ACCELERATION,
+    NUMERICAL_SUBSTRUCTURE,
+    RECORDER,
+    REQUIRED_FORCE,
+    TABLE_DRIVER,
+    TOPICS,
+    Topic,
+)
 from bmd_rths_nodes.naming import new_bag_directory
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.spin import run_nodes
@@ -31,6 +41,13 @@ QUIET_PERIOD = 0.2
 
 #: ... and for so many looks: a process that got no turn for that time has messages to read.
 QUIET_LOOKS = 4
+
+#: Longest wait for messages of a test that has ended which the numerical substructure has told of [s]. What got lost on
+#: its way is sent again when the publisher next asks, which Fast DDS does every 3 s once nothing new is published.
+REPETITION_PERIOD = 4.0
+
+#: Topics of the numerical substructure: it publishes them at every step that it begins.
+SENT_AT_EVERY_STEP = (GROUND_ACCELERATION, DESIRED_ACCELERATION, REQUIRED_FORCE)
 
 #: In lockstep the recorder tells how far it is after so many steps, and the numerical substructure waits for it.
 TELL_STEPS = 100
@@ -119,8 +136,20 @@ class RecorderNode(StageNode):
 
     def _is_quiet(self, silence: float) -> bool:
         """Tell whether nothing more is to be expected."""
-        longest = LONGEST_SILENCE if self._table_moves else QUIET_PERIOD
+        longest = QUIET_PERIOD if self._is_complete() else REPETITION_PERIOD
+        if self._table_moves:
+            longest = LONGEST_SILENCE
         return silence > longest and self._quiet_looks > QUIET_LOOKS
+
+    def _is_complete(self) -> bool:
+        """Tell whether every step has been recorded that the ended test had."""
+        if self._end is None:
+            return False
+        begun = int(self._end.values["step"])
+        # The last step of a test that did not finish may not have come round: its command was refused, a node is gone.
+        least = begun if self._end.values["outcome"] == "finished" else begun - 1
+        sent = min(self._next_step[topic.full_name] for topic in SENT_AT_EVERY_STEP)
+        return sent >= begun and self._recorded_steps() >= least
 
     def _recorded_steps(self) -> int:
         return min(self._next_step.values())

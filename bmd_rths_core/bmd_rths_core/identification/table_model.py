@@ -206,16 +206,16 @@ def _delay(model: RationalModel, measured: FrequencyResponse, band: tuple[float,
         raise InputError(
             f"no line was measured from {band[0] / (2 * np.pi):g} to {band[1] / (2 * np.pi):g} Hz to take the delay at"
         )
-    phase = _phase(model, inside.frequencies)
+    phase = _phase(model, float(measured.frequencies[0]), inside.frequencies)
     weight = inside.coherence[:, 0] * inside.frequencies
     seconds = -float(np.sum(weight * phase) / np.sum(weight * inside.frequencies))
     over_frequency = -phase / inside.frequencies
     return Delay(seconds, seconds / time_step, float(over_frequency.min()), float(over_frequency.max()))
 
 
-def _phase(model: RationalModel, frequencies: FloatArray) -> FloatArray:
-    """Return the phase followed up from zero frequency [rad]."""
-    grid = np.linspace(0.0, frequencies[-1], 20 * len(frequencies))
+def _phase(model: RationalModel, lowest: float, frequencies: FloatArray) -> FloatArray:
+    """Return the phase followed up from the lowest frequency that was measured: below it the model is a guess [rad]."""
+    grid = np.linspace(lowest, frequencies[-1], 20 * len(frequencies))
     response: ComplexArray = model.response(grid)[:, 0]
     if response[0].real <= 0.0:
         raise InputError("the table moves against its command; the polarity of command or accelerometer is wrong")
