@@ -94,6 +94,20 @@ class RunMonitor:
             self.update(0.05)
         return found
 
+    def forget_run(self, longest: float) -> None:
+        """Wait until the nodes of a run that has ended are gone, and forget what they told.
+
+        Parameters
+        ----------
+        longest : float
+            Longest wait [s]; nodes that are still there then are those of another run.
+        """
+        give_up = time.perf_counter() + longest
+        while self.nodes_already_there() and time.perf_counter() < give_up:
+            self.status.clear()
+            self.heard.clear()
+            self.update(0.05)
+
     def nodes_there(self) -> list[str]:
         """Return the nodes of a run that are discovered by now.
 
