@@ -110,17 +110,24 @@ class RecorderNode(StageNode):
                 self._flush_due = now + self.config.recorder.flush_period
             silence = now - self._last_message
             self._quiet_looks += 1
-            if self._end is not None and self._is_quiet(silence):
+            if self._end is not None and self._is_quiet(silence, self._end):
                 self._close_as_told(self._end)
             elif self._end is None and self.steps > 0 and silence > LONGEST_SILENCE:
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return min(super().poll(now), self._flush_due)
         return super().poll(now)
 
-    def _is_quiet(self, silence: float) -> bool:
+    def _is_quiet(self, silence: float, end: NodeStatus) -> bool:
         """Tell whether nothing more is to be expected."""
-        longest = LONGEST_SILENCE if self._table_moves else QUIET_PERIOD
+        longest = LONGEST_SILENCE if self._table_moves or self._lacks_steps(end) else QUIET_PERIOD
         return silence > longest and self._quiet_looks > QUIET_LOOKS
+
+    def _lacks_steps(self, end: NodeStatus) -> bool:
+        """Tell whether messages of a test that ended are still to come: what got lost is repeated after 3 s only."""
+        if not self.config.run.lockstep or end.values["outcome"] not in ("finished", "limit"):
+            return False  # where no step waits for the one before, the last ones may never have closed
+        refused = end.values["outcome"] == "limit"  # a limit may have ended the last step in the middle
+        return self._recorded_steps() < int(end.values.get("step", "0")) - refused
 
     def _recorded_steps(self) -> int:
         return min(self._next_step.values())
