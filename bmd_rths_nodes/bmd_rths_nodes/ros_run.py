@@ -26,10 +26,6 @@ PROCESSES = (
 COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", "bmd_rths_nodes.recorder_node")
 
 
-class DomainTaken(InputError):
-    """Another run is active on this ROS domain."""
-
-
 class RecordedRun(NamedTuple):
     """A test whose bag is closed.
 
@@ -77,14 +73,14 @@ def run_on_ros(
 
     Raises
     ------
-    DomainTaken
+    InputError
         Another run is active on this ROS domain; nothing was started.
     RunFailed
         There is no bag that was closed.
     """
     others = monitor.nodes_already_there()
     if others:
-        raise DomainTaken(
+        raise InputError(
             f"another run is active on this ROS domain ({', '.join(others)}); "
             "end it, or set ROS_DOMAIN_ID to a free domain"
         )
