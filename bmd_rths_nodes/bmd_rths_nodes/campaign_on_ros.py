@@ -38,6 +38,10 @@ DECIDED = {
     "run.preflight": "skip",
 }
 
+#: Time in which nodes that are already there are discovered, once a campaign [s]. Fast DDS repeats its announcements
+#: every 3 s; on a busy machine the first ones get lost.
+_DISCOVERY = 4.0
+
 #: Longest wait until the nodes of the last run, or those of a campaign that was killed, are gone [s].
 _FORGETTING = 10.0
 
@@ -126,7 +130,7 @@ class RosRunner:
         InputError
             A run cannot begin, because its ground motion is not possible.
         """
-        with RunMonitor() as monitor:  # one for all runs: to discover whether the domain is free takes seconds
+        with RunMonitor(_DISCOVERY) as monitor:  # one for all runs, because discovery takes its time
             for piece in pieces:
                 for plan in piece.runs:
                     if self.interrupts:
