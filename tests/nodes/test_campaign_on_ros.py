@@ -100,10 +100,15 @@ def test_run_that_a_limit_ends_is_a_result(bmd_rths, records, domain):
     assert processes_of_domain(domain) == {}
 
 
-def test_interrupt_brings_the_running_test_to_rest_and_ends_the_study(bmd_rths, domain, tmp_path):
+def long_campaign(bmd_rths, tmp_path):
+    """Start a campaign whose runs take long enough for what happens to them."""
     (tmp_path / "el_centro.txt").write_text("el_centro_1940_ns\n")
-    motions = ("--motions", tmp_path / "el_centro.txt")
-    child = bmd_rths("campaign", CONFIG, *motions, "--ros", "--output", tmp_path / "out", "--json")
+    motions = ("--motions", tmp_path / "el_centro.txt", "--set", "ground_motion.free_vibration=100.0")
+    return bmd_rths("campaign", CONFIG, *motions, "--ros", "--output", tmp_path / "out", "--json")
+
+
+def test_interrupt_brings_the_running_test_to_rest_and_ends_the_study(bmd_rths, domain, tmp_path):
+    child = long_campaign(bmd_rths, tmp_path)
     wait_until(lambda: recording(tmp_path / "out", 200_000) or child.process.poll() is not None)
     child.process.send_signal(signal.SIGINT)
     result = child.wait()
@@ -116,9 +121,7 @@ def test_interrupt_brings_the_running_test_to_rest_and_ends_the_study(bmd_rths, 
 
 
 def test_run_that_fails_ends_the_study_in_one_clear_line(bmd_rths, domain, tmp_path):
-    (tmp_path / "el_centro.txt").write_text("el_centro_1940_ns\n")
-    motions = ("--motions", tmp_path / "el_centro.txt")
-    child = bmd_rths("campaign", CONFIG, *motions, "--ros", "--output", tmp_path / "out", "--json")
+    child = long_campaign(bmd_rths, tmp_path)
     wait_until(lambda: recording(tmp_path / "out", 200_000) or child.process.poll() is not None)
     (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder_node" in command)
     os.kill(recorder, signal.SIGKILL)
