@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from io import BytesIO
@@ -24,6 +25,9 @@ from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, Topic
 
 #: Stamps beyond this step (seven hours at 200 Hz) are those of another clock, not of a test.
 MAX_STEPS = 5_000_000
+
+#: What the writer of an MCAP file puts at its very end.
+_MAGIC = b"\x89MCAP0\r\n"
 
 
 def read_bag(path: Path | str) -> RunRecord:
@@ -81,6 +85,26 @@ def bag_files(path: Path) -> list[Path]:
     if not files:
         raise InputError(f"{path}: no .mcap file in it; a bag directory or an MCAP file is required")
     return files
+
+
+def bag_is_whole(path: Path) -> bool:
+    """Tell whether the writer of a bag came to its end and nothing of it was cut off since, without reading it all.
+
+    Parameters
+    ----------
+    path : Path
+        Bag directory or MCAP file; it need not exist.
+    """
+    try:
+        return all(_ends_with_magic(file) for file in bag_files(path))
+    except (OSError, InputError):
+        return False
+
+
+def _ends_with_magic(path: Path) -> bool:
+    with open(path, "rb") as file:
+        file.seek(-len(_MAGIC), os.SEEK_END)
+        return file.read() == _MAGIC
 
 
 class _Contents:

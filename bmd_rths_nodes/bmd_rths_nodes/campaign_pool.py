@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import shutil
 import signal
 import tempfile
 import threading
@@ -23,6 +24,10 @@ _AHEAD = 2
 _ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
 
 Results = list[dict[str, Any]]
+
+
+class CampaignStopped(Exception):
+    """The campaign does not go on; the text says why. What is finished stays."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,21 @@ def bag_of(result: dict[str, Any], bags: Path) -> Path:
     return bags / f"{result['motion']}_{result['scheme']}_{result['key'][:12]}"
 
 
+def has_bag(result: dict[str, Any], bags: Path) -> bool:
+    """Tell whether a run has a bag that nothing was cut off.
+
+    Parameters
+    ----------
+    result : dict
+        The result of the run.
+    bags : Path
+        Folder of the bags.
+    """
+    from bmd_rths_msgs_py.bag_reader import bag_is_whole  # a second that campaigns without bags need not wait
+
+    return bag_is_whole(bag_of(result, bags))
+
+
 def _ahead(pieces: Iterator[Piece], submit: Callable[[Piece], Future[Results]], most: int) -> Iterator[Results]:
     """Keep some pieces under way and return results as they come."""
     under_way = {submit(piece) for piece in itertools.islice(pieces, most)}
@@ -176,11 +196,12 @@ def _ahead(pieces: Iterator[Piece], submit: Callable[[Piece], Future[Results]], 
 
 def _write_bag(finished: FinishedRun, bags: Path) -> None:
     """Write a bag under its name only when it is complete."""
-    from bmd_rths_msgs_py.record_bag import write_record  # a second that campaigns without bags need not wait
+    from bmd_rths_msgs_py.record_bag import write_record
 
-    directory = bag_of(finished.result, bags)
-    if directory.exists():
+    if has_bag(finished.result, bags):
         return
+    directory = bag_of(finished.result, bags)
+    shutil.rmtree(directory, ignore_errors=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=bags) as partial:
         os.replace(write_record(finished.run.record, Path(partial) / directory.name), directory)
 

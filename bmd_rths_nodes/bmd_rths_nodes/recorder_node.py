@@ -42,10 +42,6 @@ QUIET_PERIOD = 0.2
 #: ... and for so many looks: a process that got no turn for that time has messages to read.
 QUIET_LOOKS = 4
 
-#: Longest wait for messages of a test that has ended which the numerical substructure has told of [s]. What got lost on
-#: its way is sent again when the publisher next asks, which Fast DDS does every 3 s once nothing new is published.
-REPETITION_PERIOD = 4.0
-
 #: Topics of the numerical substructure: it publishes them at every step that it begins.
 SENT_AT_EVERY_STEP = (GROUND_ACCELERATION, DESIRED_ACCELERATION, REQUIRED_FORCE)
 
@@ -127,29 +123,27 @@ class RecorderNode(StageNode):
                 self._flush_due = now + self.config.recorder.flush_period
             silence = now - self._last_message
             self._quiet_looks += 1
-            if self._end is not None and self._is_quiet(silence):
+            if self._end is not None and self._is_quiet(silence, self._end):
                 self._close_as_told(self._end)
             elif self._end is None and self.steps > 0 and silence > LONGEST_SILENCE:
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return min(super().poll(now), self._flush_due)
         return super().poll(now)
 
-    def _is_quiet(self, silence: float) -> bool:
+    def _is_quiet(self, silence: float, end: NodeStatus) -> bool:
         """Tell whether nothing more is to be expected."""
-        longest = QUIET_PERIOD if self._is_complete() else REPETITION_PERIOD
-        if self._table_moves:
-            longest = LONGEST_SILENCE
+        longest = LONGEST_SILENCE if self._table_moves or self._lacks_steps(end) else QUIET_PERIOD
         return silence > longest and self._quiet_looks > QUIET_LOOKS
 
-    def _is_complete(self) -> bool:
-        """Tell whether every step has been recorded that the ended test had."""
-        if self._end is None:
-            return False
-        begun = int(self._end.values["step"])
-        # The last step of a test that did not finish may not have come round: its command was refused, a node is gone.
-        least = begun if self._end.values["outcome"] == "finished" else begun - 1
+    def _lacks_steps(self, end: NodeStatus) -> bool:
+        """Tell whether messages of an ended test may still come: what got lost is sent again after 3 s only."""
+        begun, outcome = int(end.values.get("step", "0")), end.values["outcome"]
+        if outcome == "failed":
+            return False  # where a node is gone nothing more comes
+        # The last step of a test that did not finish may not have come round.
+        least = begun if outcome == "finished" else begun - 1
         sent = min(self._next_step[topic.full_name] for topic in SENT_AT_EVERY_STEP)
-        return sent >= begun and self._recorded_steps() >= least
+        return sent < begun or self._recorded_steps() < least
 
     def _recorded_steps(self) -> int:
         return min(self._next_step.values())

@@ -18,6 +18,10 @@ LOOK_PERIOD = 0.05
 #: Longest time until step 0 [s]; six processes have to start and to find each other.
 START_TIMEOUT = 60.0
 
+#: Longest wait for the first words of the numerical substructure after Ctrl-C [s]: on a busy machine a test may be
+#: under way before it is discovered, and its table is not at rest. Fast DDS repeats its announcements every 3 s.
+HEARING_TIMEOUT = 4.0
+
 #: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
 CLOSING_TIMEOUT = 10.0
 
@@ -53,6 +57,7 @@ class RunFollower:
         self._operator = operator
         self.problem = ""
         self._give_up = time.perf_counter() + START_TIMEOUT
+        self._hear_until = math.inf
 
     @property
     def progress(self) -> tuple[str, int]:
@@ -114,9 +119,15 @@ class RunFollower:
                 self._wait_for(CLOSING_TIMEOUT if self._started else 0.0)
         elif self._state == status.RUNNING and undisturbed:
             self._wait_for(math.inf)
-        elif self._started or self._operator.asked:
+        elif self._started or (self._operator.asked and not self._may_be_heard_of()):
             longest = CLOSING_TIMEOUT if self._started else 0.0
             self._give_up = min(self._give_up, time.perf_counter() + longest)
+
+    def _may_be_heard_of(self) -> bool:
+        """Tell whether the numerical substructure, of which nothing was heard yet, may run a test all the same."""
+        now = time.perf_counter()
+        self._hear_until = min(self._hear_until, now + HEARING_TIMEOUT)
+        return not self._state and now < self._hear_until
 
     def _excuse(self) -> str:
         """Return why the run could not be brought to an end."""

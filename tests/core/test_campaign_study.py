@@ -5,7 +5,7 @@ import pytest
 
 from bmd_rths_core.campaign.motions import read_motions
 from bmd_rths_core.campaign.paper_tables import EVENTS, TABLE_2, TABLE_3, event_of, paper_mean
-from bmd_rths_core.campaign.study import PIECE, Study, run_piece
+from bmd_rths_core.campaign.study import PIECE, Study, key_of_run, run_piece
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.selection import select_ground_motion
@@ -160,3 +160,14 @@ def test_event_is_recognised_by_folder_or_file(path, event):
 )
 def test_real_records_stand_for_every_event_of_the_paper():
     assert {event_of(path.as_posix()) for path in ground_motion_folder().glob("*/*")} >= set(EVENTS)
+
+
+def test_key_says_which_engine_and_is_found_again_from_the_run(folder):
+    motions = read_motions(folder).motions
+    in_process, on_ros = (next(Study(Config(), motions, ["uc"], engine=engine).pieces()) for engine in ("", "ros"))
+    assert not {run.key for run in in_process.runs} & {run.key for run in on_ros.runs}
+    for piece, engine in ((in_process, ""), (on_ros, "ros")):
+        for run in piece.runs:
+            motion = piece.motions[run.motion]
+            config = Config().changed(run__scheme="uc", ground_motion__record=motion.record)
+            assert key_of_run(config, motion.motion.sha256, engine) == run.key

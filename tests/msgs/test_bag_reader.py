@@ -27,7 +27,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.controller import TableMeasurement
-from bmd_rths_msgs_py.bag_reader import MAX_STEPS, read_bag
+from bmd_rths_msgs_py.bag_reader import MAX_STEPS, bag_is_whole, read_bag
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.record_bag import write_record
@@ -383,3 +383,21 @@ def test_the_story_is_json_that_anyone_can_read(bag: Path, record: RunRecord) ->
     assert json.loads(custom["configuration"]) == record.configuration
     assert json.loads(custom["motion"]) == record.motion
     assert json.loads(custom["timing"])["missed_steps"] == [5, 17]
+
+
+def test_bag_is_whole_until_its_end_is_cut(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", [command(step, 0.5) for step in range(10)])
+    assert bag_is_whole(bag)
+    (file,) = bag.glob("*.mcap")
+    os.truncate(file, file.stat().st_size - 1)
+    assert not bag_is_whole(bag)
+    os.truncate(file, 3)
+    assert not bag_is_whole(bag)
+    file.unlink()
+    assert not bag_is_whole(bag)
+    assert not bag_is_whole(tmp_path / "none")
+
+
+def test_bag_without_an_end_is_not_whole(tmp_path: Path) -> None:
+    BagWriter(tmp_path / "bag", metadata=start_metadata(CONFIGURATION, {}, {})).flush()
+    assert not bag_is_whole(tmp_path / "bag")

@@ -19,8 +19,9 @@ from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
 from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.stage_node import message_class
 from tests.nodes.conftest import change_state, wait_until
 
 
@@ -196,6 +197,48 @@ def test_second_test_with_the_same_processes_equals_the_first(client, start, tmp
         record = read_bag(bag)
         assert record.outcome == "finished"
         assert record.same_signals(expected)
+
+
+def test_recorder_in_lockstep_waits_for_the_last_messages(client, start, tmp_path):
+    """Of a test that has ended one topic lacks its last step; the bag is closed when it has come."""
+    bags, told = tmp_path / "bags", []
+    parameters = tmp_path / "parameters.yaml"
+    parameters.write_text(dump_config(Config().changed(run__lockstep=True, recorder__directory=str(bags))))
+    start("-m", "bmd_rths_nodes.recorder_node", "--ros-args", "--params-file", parameters)
+    topics = [topic for topic in TOPICS.values() if topic is not DIAGNOSTICS]
+    publishers = {t: client.create_publisher(message_class(t), t.full_name, QoSProfile(depth=10)) for t in topics}
+    diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+
+    def on_diagnostics(message):
+        told.extend(entry for entry in message.status if entry.name == "/rths/recorder")
+
+    client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=10))
+
+    def send(topic, step):
+        message = message_class(topic)()
+        message.header.stamp.nanosec = 5_000_000 * step
+        publishers[topic].publish(message)
+
+    def value(key):
+        return {pair.key: pair.value for pair in told[-1].values}.get(key) if told else None
+
+    ended = {"outcome": "finished", "step": "2", "missed_deadlines": "0", "max_consecutive_misses": "0"}
+    ended |= {"missed_steps": "[]", "late_ticks": "0"} | {f"closure_ms_{name}": "0.0" for name in ("p50", "p99", "max")}
+    wait_until(lambda: client.spin_some() or all(p.get_subscription_count() for p in publishers.values()))
+    for topic in topics:
+        send(topic, 0)
+        if topic is not CORRECTED_FORCE:
+            send(topic, 1)
+    node = status.NodeStatus("/rths/numerical_substructure", status.ENDED, values=ended)
+    diagnostics.publish(status.to_message(node, 0, 0))
+    begin = time.monotonic()
+    wait_until(lambda: client.spin_some() or time.monotonic() > begin + 2.0)
+    assert value("state") != "ended"
+    send(CORRECTED_FORCE, 1)
+    wait_until(lambda: client.spin_some() or value("state") == "ended")
+    assert value("recorded_steps") == "2"
+    (bag,) = bags.iterdir()
+    assert read_bag(bag).outcome == "finished"
 
 
 def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_again(client, start):

@@ -101,6 +101,8 @@ class Study:
         The compensation schemes.
     vary : Mapping of str to sequence
         Values of every parameter that is varied, by ``section.key``; all combinations are run.
+    engine : str
+        What runs the study, part of every key; empty for `run_piece`.
 
     Raises
     ------
@@ -112,6 +114,7 @@ class Study:
     motions: Sequence[CampaignMotion]
     schemes: Sequence[str]
     vary: Mapping[str, Sequence[object]] = dataclasses.field(default_factory=dict)
+    engine: str = ""
 
     def __post_init__(self) -> None:
         """Check every value that is varied, by itself."""
@@ -140,11 +143,11 @@ class Study:
         for values in itertools.product(*self.vary.values()):
             variation = dict(zip(self.vary, values, strict=True))
             config = _varied(self.config, variation)
-            hashes = {scheme: _configuration_hash(with_scheme(config, scheme)) for scheme in self.schemes}
+            hashes = {scheme: _configuration_hash(with_scheme(config, scheme), self.engine) for scheme in self.schemes}
             for begin in range(0, len(self.motions), PIECE):
                 motions = tuple(self.motions[begin : begin + PIECE])
                 runs = (
-                    PlannedRun(_run_key(hashes[scheme], motion), scheme, i)
+                    PlannedRun(_run_key(hashes[scheme], motion.motion.sha256, motion.component, motion.unit), scheme, i)
                     for scheme in self.schemes
                     for i, motion in enumerate(motions)
                 )
@@ -223,6 +226,22 @@ def result_of_run(
     }
 
 
+def key_of_run(config: Config, sha256: str, engine: str) -> str:
+    """Return the key that a study gives a run.
+
+    Parameters
+    ----------
+    config : Config
+        Configuration of the run; where its record lies does not matter.
+    sha256 : str
+        SHA-256 of its record.
+    engine : str
+        As in `Study`.
+    """
+    selection = config.ground_motion
+    return _run_key(_configuration_hash(config, engine), sha256, selection.component, selection.unit)
+
+
 def with_scheme(config: Config, scheme: str) -> Config:
     """Return a configuration with another compensation scheme.
 
@@ -248,14 +267,14 @@ def _varied(config: Config, variation: Mapping[str, object]) -> Config:
         raise InputError(f"--vary {given}: {error}") from error
 
 
-def _configuration_hash(config: Config) -> str:
+def _configuration_hash(config: Config, engine: str) -> str:
     """Return a hash of everything that is configured but which record it is."""
     mapping = config.as_mapping()
     for name in ("record", "component", "unit"):
         del mapping["ground_motion"][name]
-    return hashlib.sha256(json.dumps([__version__, mapping], sort_keys=True).encode()).hexdigest()
+    content = [__version__, mapping, *([engine] if engine else [])]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _run_key(configuration_hash: str, motion: CampaignMotion) -> str:
-    parts = (configuration_hash, motion.motion.sha256, motion.component, motion.unit)
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+def _run_key(configuration_hash: str, sha256: str, component: str, unit: str) -> str:
+    return hashlib.sha256("\n".join((configuration_hash, sha256, component, unit)).encode()).hexdigest()

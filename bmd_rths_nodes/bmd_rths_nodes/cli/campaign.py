@@ -1,4 +1,4 @@
-"""``bmd-rths campaign``: every ground motion with every scheme and variation, in process."""
+"""``bmd-rths campaign``: every ground motion with every scheme and variation, in process or on the ROS graph."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
@@ -17,14 +17,25 @@ import yaml
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from bmd_rths_core.assumptions import assumptions
-from bmd_rths_core.campaign.motions import read_motions
+from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.campaign.study import Piece, Study
+from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.schemes import SCHEME_NAMES
-from bmd_rths_nodes.campaign_pool import PieceRunner, bag_of, in_process, in_processes, on_cluster
+from bmd_rths_nodes.campaign_pool import (
+    CampaignStopped,
+    PieceRunner,
+    Results,
+    bag_of,
+    has_bag,
+    in_process,
+    in_processes,
+    on_cluster,
+)
 from bmd_rths_nodes.campaign_results import CampaignResults
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.error_tables import show_error_tables
+from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 
 #: Runs for which it is worth to start one more process.
@@ -57,6 +68,12 @@ _WORTH_A_PROCESS = 64
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on instead (pip install distributed).")
 @click.option(
+    "--ros",
+    "on_ros",
+    is_flag=True,
+    help="Make every run on the ROS graph, in lockstep, with a bag that its result is computed from; implies --bags.",
+)
+@click.option(
     "--output",
     type=click.Path(path_type=Path),
     default="campaign",
@@ -72,32 +89,39 @@ def campaign(
     variations: tuple[str, ...],
     jobs: int | None,
     scheduler: str | None,
+    on_ros: bool,
     output: Path,
     with_bags: bool,
     as_json: bool,
 ) -> int:
     """Run every ground motion with every scheme and variation, and print Tables 2 and 3 beside the paper's numbers.
 
-    The runs are those of `bmd-rths simulate`. Without CONFIG it is the installed simplified_bmd. Results go to
-    campaign.csv in --output as they come (and to campaign.parquet at the end, if pyarrow is installed): the same
-    command goes on where a study was stopped. An unstable run is a result; the exit status is 0.
+    The runs are those of `bmd-rths simulate`; with --ros those of `bmd-rths run --lockstep --composed` without its
+    pre-flight, one after the other. Without CONFIG it is the installed simplified_bmd. Results go to campaign.csv in
+    --output as they come (and to campaign.parquet at the end, if pyarrow is installed): the same command goes on where
+    a study was stopped. An unstable run is a result; the exit status is 0.
     """
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs, --scheduler: only one of them is possible")
+    if on_ros and (jobs is not None or scheduler is not None):
+        raise InputError("--ros: one run after the other; neither --jobs nor --scheduler is possible")
     config = choice.resolve().changed(table__controller="simulated")
     vary = dict(_variation(text) for text in variations)
     names = _schemes(schemes)
     found = read_motions(source)
     for file, problem in found.left_out.items():
         log(f"left out: {file}: {problem}")
-    study = Study(config, found.motions, names, vary)
+    study = _study_on_ros(config, found.motions, names, vary) if on_ros else Study(config, found.motions, names, vary)
     check_writable(output)
     with contextlib.closing(CampaignResults(output)) as results:
-        bags = _prepared(output / "bags") if with_bags else None
+        bags = _prepared(output / "bags") if with_bags or on_ros else None
         try:
             keys = _run(study, results, bags, jobs, scheduler)
         except BrokenProcessPool:
             log("error: a process of the campaign was killed; the same command goes on where it was")
+            return 1
+        except CampaignStopped as stop:
+            log(f"{stop}; what is finished stays, the same command goes on where it was")
             return 1
         told = (_told(results.read(key), bags) for key in keys)
         parquet = results.write_parquet()
@@ -120,7 +144,9 @@ def _run(
         pending = _pending(study, results, bags, keys, lambda runs: progress.advance(task, runs))
         run = PieceRunner(bags)
         processes = jobs or min(len(os.sched_getaffinity(0)), 1 + study.size // _WORTH_A_PROCESS)
-        if scheduler is not None:
+        if study.engine and bags is not None:
+            finished = _on_ros(pending, bags, lambda text: progress.update(task, description=f"{text}; runs"))
+        elif scheduler is not None:
             finished = on_cluster(pending, run, scheduler)
         elif processes == 1:
             finished = in_process(pending, run)
@@ -130,6 +156,25 @@ def _run(
             results.append(result for result in piece if result["key"] not in results)
             progress.advance(task, len(piece))
     return keys
+
+
+def _study_on_ros(
+    config: Config, motions: Sequence[CampaignMotion], schemes: Sequence[str], vary: Mapping[str, Sequence[object]]
+) -> Study:
+    from bmd_rths_nodes.campaign_on_ros import DECIDED, ENGINE
+
+    for name in vary:
+        if name in DECIDED or name == "recorder.directory":
+            raise InputError(f"--vary {name}: is decided by --ros")
+    decided = {name.replace(".", "__"): value for name, value in DECIDED.items()}
+    return Study(config.changed(**decided), motions, schemes, vary, ENGINE)
+
+
+def _on_ros(pieces: Iterator[Piece], bags: Path, on_progress: Callable[[str], None]) -> Iterator[Results]:
+    from bmd_rths_nodes.campaign_on_ros import RosRunner  # a campaign in process need not wait for rclpy
+
+    with collected_interrupts() as interrupts:
+        yield from RosRunner(bags, interrupts, log, on_progress).results(pieces)
 
 
 def _variation(text: str) -> tuple[str, list[object]]:
@@ -155,7 +200,7 @@ def _prepared(bags: Path) -> Path:
     """Make the folder of the bags, without those that a killed study left half written."""
     check_writable(bags)
     for partial in bags.glob(".*"):
-        shutil.rmtree(partial)
+        shutil.rmtree(partial, ignore_errors=True)
     return bags.absolute()
 
 
@@ -165,7 +210,7 @@ def _pending(
     """Return what is left to run, and note the keys of all runs."""
 
     def is_done(key: str) -> bool:
-        return key in results and (bags is None or bag_of(results.read(key), bags).exists())
+        return key in results and (bags is None or has_bag(results.read(key), bags))
 
     for piece in study.pieces():
         keys += [run.key for run in piece.runs]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.errors import InputError
+from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.bag_reader import read_bag
@@ -19,20 +17,9 @@ from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.hardware.controllers import make_table_controller
-from bmd_rths_nodes.operator_stop import OperatorStop
 from bmd_rths_nodes.ros.monitor import RunMonitor
-from bmd_rths_nodes.run_follower import RunFailed, RunFollower
-from bmd_rths_nodes.supervisor import Supervisor
-
-_PROCESSES = (
-    "bmd_rths_nodes.numerical_substructure_node",
-    "bmd_rths_nodes.command_shaper_node",
-    "bmd_rths_nodes.table_driver_node",
-    "bmd_rths_nodes.shear_estimator_node",
-    "bmd_rths_nodes.force_correction_node",
-    "bmd_rths_nodes.recorder_node",
-)
-_COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", "bmd_rths_nodes.recorder_node")
+from bmd_rths_nodes.ros_run import COMPOSED_PROCESSES, PROCESSES, run_on_ros
+from bmd_rths_nodes.run_follower import RunFailed
 
 _TOO_SLOW = (
     "This computer, or the table controller, did not keep up with the time step. Ending other work, --composed or a "
@@ -80,7 +67,7 @@ def run(
         if prediction is not None:
             log(preflight.in_words(resolved, prediction))
         try:
-            bag = _run(resolved, motion.steps, _COMPOSED_PROCESSES if composed else _PROCESSES, monitor)
+            bag = _run(resolved, motion.steps, COMPOSED_PROCESSES if composed else PROCESSES, monitor)
         except RunFailed as error:
             log(f"error: {error}")
             return 1
@@ -93,32 +80,15 @@ def run(
 
 
 def _run(config: Config, steps: int, modules: tuple[str, ...], monitor: RunMonitor) -> Path:
-    """Run the processes to the end of the test and return the bag."""
-    with tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch, collected_interrupts() as interrupts:
-        others = monitor.nodes_already_there()
-        if others:
-            raise InputError(
-                f"another run is active on this ROS domain ({', '.join(others)}); "
-                "end it, or set ROS_DOMAIN_ID to a free domain"
-            )
-        parameter_file = Path(scratch) / "parameters.yaml"
-        parameter_file.write_text(dump_config(config), encoding="utf-8")
-        supervisor = Supervisor(modules, parameter_file, Path(scratch))
-        try:
-            return _follow(monitor, supervisor, steps, interrupts)
-        finally:
-            supervisor.stop()
-
-
-def _follow(monitor: RunMonitor, supervisor: Supervisor, steps: int, interrupts: list[int]) -> Path:
-    """Show progress until the recorder has closed the bag."""
-    follower = RunFollower(monitor, supervisor, OperatorStop(monitor, supervisor, interrupts, log))
+    """Run the processes to the end of the test, show progress, and return the bag."""
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
-    with progress_bar(*columns, TimeElapsedColumn()) as progress:
+    with collected_interrupts() as interrupts, progress_bar(*columns, TimeElapsedColumn()) as progress:
         task = progress.add_task("starting", total=steps)
-        while (bag := follower.look()) is None:
-            description, begun = follower.progress
+
+        def show_progress(description: str, begun: int) -> None:
             progress.update(task, description=description, completed=begun)
-    if follower.problem:
-        log(f"error: {follower.problem}")
-    return bag
+
+        recorded = run_on_ros(config, modules, monitor, interrupts, log, show_progress)
+    if recorded.problem:
+        log(f"error: {recorded.problem}")
+    return recorded.bag

@@ -24,6 +24,11 @@ DISCOVERY_TIME = 2.0
 class RunMonitor:
     """A node that listens to /diagnostics and publishes nothing; a context manager, one in a process.
 
+    Parameters
+    ----------
+    discovery_time : float
+        Time in which nodes that are already there are discovered [s].
+
     Attributes
     ----------
     status : dict of str to NodeStatus
@@ -34,7 +39,8 @@ class RunMonitor:
         Stop and emergency stop of the table driver.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, discovery_time: float = DISCOVERY_TIME) -> None:
+        self._discovery_time = discovery_time
         self.status: dict[str, NodeStatus] = {}
         self.heard: dict[str, float] = {}
 
@@ -89,10 +95,24 @@ class RunMonitor:
         """
         while (
             not (found := self.nodes_there() or sorted(self.status))
-            and time.perf_counter() < self._begin + DISCOVERY_TIME
+            and time.perf_counter() < self._begin + self._discovery_time
         ):
             self.update(0.05)
         return found
+
+    def forget_run(self, longest: float) -> None:
+        """Wait until the nodes of a run that has ended are gone, and forget what they told.
+
+        Parameters
+        ----------
+        longest : float
+            Longest wait [s]; nodes that are still there then are those of another run.
+        """
+        give_up = time.perf_counter() + longest
+        while self.nodes_already_there() and time.perf_counter() < give_up:
+            self.status.clear()
+            self.heard.clear()
+            self.update(0.05)
 
     def nodes_there(self) -> list[str]:
         """Return the nodes of a run that are discovered by now.

@@ -1,0 +1,97 @@
+"""One test on the ROS graph, from the start of its processes to its bag."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from bmd_rths_core.config import Config, dump_config
+from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.operator_stop import OperatorStop
+from bmd_rths_nodes.ros.monitor import RunMonitor
+from bmd_rths_nodes.run_follower import RunFollower
+from bmd_rths_nodes.supervisor import Supervisor
+
+#: The modules of the processes of a test; the one with the numerical substructure is the first.
+PROCESSES = (
+    "bmd_rths_nodes.numerical_substructure_node",
+    "bmd_rths_nodes.command_shaper_node",
+    "bmd_rths_nodes.table_driver_node",
+    "bmd_rths_nodes.shear_estimator_node",
+    "bmd_rths_nodes.force_correction_node",
+    "bmd_rths_nodes.recorder_node",
+)
+COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", "bmd_rths_nodes.recorder_node")
+
+
+class RecordedRun(NamedTuple):
+    """A test whose bag is closed.
+
+    Parameters
+    ----------
+    bag : Path
+        The bag; it says how the test ended.
+    problem : str
+        What went wrong with its processes, in words; empty when nothing did.
+    """
+
+    bag: Path
+    problem: str
+
+
+def run_on_ros(
+    config: Config,
+    modules: Sequence[str],
+    monitor: RunMonitor,
+    interrupts: Sequence[int],
+    log: Callable[[str], None],
+    on_progress: Callable[[str, int], None],
+) -> RecordedRun:
+    """Start the nodes of a test, follow it until its bag is closed, and end every process.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration; the test is recorded, in the folder it names.
+    modules : sequence of str
+        `PROCESSES` or `COMPOSED_PROCESSES`.
+    monitor : RunMonitor
+        Hears the nodes.
+    interrupts : sequence of int
+        Signals that have come; grows meanwhile. See `OperatorStop` for what each does.
+    log : callable
+        Tells a person a line.
+    on_progress : callable
+        Gets the state of the test in words and the steps begun, every now and then.
+
+    Returns
+    -------
+    RecordedRun
+        The bag, however the test ended.
+
+    Raises
+    ------
+    InputError
+        Another run is active on this ROS domain; nothing was started.
+    RunFailed
+        There is no bag that was closed.
+    """
+    others = monitor.nodes_already_there()
+    if others:
+        raise InputError(
+            f"another run is active on this ROS domain ({', '.join(others)}); "
+            "end it, or set ROS_DOMAIN_ID to a free domain"
+        )
+    with tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
+        parameter_file = Path(scratch) / "parameters.yaml"
+        parameter_file.write_text(dump_config(config), encoding="utf-8")
+        supervisor = Supervisor(modules, parameter_file, Path(scratch))
+        try:
+            follower = RunFollower(monitor, supervisor, OperatorStop(monitor, supervisor, interrupts, log))
+            while (bag := follower.look()) is None:
+                on_progress(*follower.progress)
+            return RecordedRun(bag, follower.problem)
+        finally:
+            supervisor.stop()
