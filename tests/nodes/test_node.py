@@ -275,3 +275,27 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
     result = child.wait(20.0)
     assert result.status == 0
     assert "Traceback" not in result.errors
+
+
+def test_every_node_of_a_process_is_made_safe_before_one_waits_for_its_last_words(start):
+    """The table must not wait for the middleware."""
+    script = """
+import sys
+from bmd_rths_nodes.composition import LOOP_NODES
+from bmd_rths_nodes.ros import spin, stage_node
+
+spin._spin = lambda executor, nodes, signals: None
+for name in ("stop_stage", "say_farewell"):
+    for node_type in LOOP_NODES:
+        def tell(node, name=name, done=getattr(node_type, name)):
+            print(name, node.ROLE)
+            done(node)
+        setattr(node_type, name, tell)
+sys.exit(spin.run_nodes(LOOP_NODES, ["--ros-args", "-p", "run.record:=false"]))
+"""
+    result = start("-c", script).wait()
+    assert result.status == 0, result.errors
+    loop = [role for role in ROLES if role != "recorder"]
+    told = [line.split() for line in result.output.splitlines()]
+    assert [name for name, _ in told] == ["stop_stage"] * 5 + ["say_farewell"] * 5
+    assert [role for _, role in told] == [*loop, *loop]
