@@ -173,8 +173,8 @@ PATIENT = settings(run__max_consecutive_misses=200, safety__stale_shear_limit=10
 
 
 def begun(tmp_path):
-    """Return the MCAP file of the run once some hundred steps have been recorded."""
-    return next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 200_000), None)
+    """Return the MCAP file of the run once half a megabyte has been recorded."""
+    return next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 500_000), None)
 
 
 def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_path, domain):
