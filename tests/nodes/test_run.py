@@ -101,7 +101,8 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
             "nonlinear.yield_drifts": [0.0005, 0.0005, 0.0005],
         }
     settings = [argument for key, value in changes.items() for argument in ("--set", f"{key}={json.dumps(value)}")]
-    result = finished(bmd_rths("run", EIGHT_STORY, "--lockstep", *settings, "--output", tmp_path, "--json"))
+    options = ("--lockstep", "--composed", *settings, "--output", tmp_path, "--json")
+    result = finished(bmd_rths("run", EIGHT_STORY, *options))
     record = read_bag(result["bag"])
     assert record.floor_accelerations.shape == (1001, 5)
     expected = in_process(EIGHT_STORY, **{key.replace(".", "__"): value for key, value in changes.items()})
@@ -129,7 +130,7 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_p
         "numerical_substructure__stiffnesses": [1500.0 * 94.09**2],
         "numerical_substructure__damping_coefficients": [2 * 0.0167 * 94.09 * 1500.0],
     }
-    arguments = ("--scheme", "uc", "--lockstep", *settings(**light), "--output", tmp_path, "--json")
+    arguments = ("--scheme", "uc", "--lockstep", "--composed", *settings(**light), "--output", tmp_path, "--json")
     result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
     assert result.status == 1
     told = json.loads(result.output)
@@ -286,10 +287,17 @@ def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
 
 
 def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
-    first = bmd_rths("run", CONFIG, *PATIENT, "--set", "ground_motion.time_scale=1.0", "--output", tmp_path, "--json")
-    wait_until(lambda: begun(tmp_path))
+    """The first one still records afterwards, and it is the operator who ends it."""
+    endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
+    first = bmd_rths("run", CONFIG, *PATIENT, *endless, "--output", tmp_path, "--json")
+    bag = wait_until(lambda: begun(tmp_path))
     second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
     assert second.status == 2
     assert "another run is active on this ROS domain" in second.errors
     assert "set ROS_DOMAIN_ID to a free domain" in second.errors
-    assert finished(first)["outcome"] == "finished"
+    assert not (tmp_path / "second").exists()
+    size = bag.stat().st_size
+    wait_until(lambda: bag.stat().st_size > size + 100_000)
+    first.interrupt()
+    told = json.loads(first.wait(60.0).output)
+    assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator")
