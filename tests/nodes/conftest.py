@@ -157,7 +157,7 @@ def client(domain):
 
     def call(service_type, name, request):
         service = node.create_client(service_type, name)
-        assert service.wait_for_service(timeout_sec=30.0), name
+        wait_until(service.service_is_ready, 30.0)  # rclpy itself looks only four times a second
         future = service.call_async(request)
         executor.spin_until_future_complete(future, timeout_sec=30.0)
         node.destroy_client(service)

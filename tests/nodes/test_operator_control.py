@@ -184,6 +184,10 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
         assert ask(client, "reset") == (True, "armed for a new test")
         assert server.statistics()["state"] == "armed"
         table.move()
+        # A driver that ends brings the table to rest, which takes a controller that is there.
+        table.child.interrupt()
+        assert table.child.wait(20.0).status == 0
+        assert server.statistics()["state"] == "idle"
 
 
 def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client, start, tmp_path):
