@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+# As the programs do, before numpy is imported: on a busy machine the threads of the linear algebra wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 #: Changes of a configuration: nothing stops the table but a value that is not finite.
 WITHOUT_LIMITS = {
     f"safety__{limit}_action": "ignore"

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -81,9 +82,11 @@ def assert_installed(prefixes, folder, environment, monkeypatch):
     assert {path.name for path in (share / "config").iterdir()} == {path.name for path in (ROOT / "config").iterdir()}
     executables = Path(get_package_prefix("bmd_rths_nodes")) / "lib" / "bmd_rths_nodes"
     assert set(EXECUTABLES) <= {path.name for path in executables.iterdir() if os.access(path, os.X_OK)}
-    for name in EXECUTABLES:
-        # A parameter that does not exist makes the node say so and end; to get there it has to import everything.
-        refused = run([executables / name, "--ros-args", "-p", "nonsense.key:=1"], folder, environment)
+    # A parameter that does not exist makes the node say so and end; to get there it has to import everything.
+    with ThreadPoolExecutor() as pool:
+        asked = [(executables / name, "--ros-args", "-p", "nonsense.key:=1") for name in EXECUTABLES]
+        refusals = list(pool.map(lambda arguments: run(arguments, folder, environment), asked))
+    for refused in refusals:
         assert (refused.returncode, refused.stdout) == (2, ""), refused.stderr
         (line,) = refused.stderr.splitlines()
         assert line.startswith("error: nonsense: unknown section")

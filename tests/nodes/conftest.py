@@ -2,6 +2,7 @@
 
 import fcntl
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -68,11 +69,16 @@ def run_main(monkeypatch, capsys, tmp_path):
 class Child:
     """A process with its output in files, so that nothing waits for a pipe."""
 
-    def __init__(self, folder, arguments):
+    def __init__(self, folder, arguments, environment=None):
         self.output, self.errors = folder / "stdout.txt", folder / "stderr.txt"
         with open(self.output, "wb") as out, open(self.errors, "wb") as err:
             self.process = subprocess.Popen(
-                [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=out, stderr=err, cwd=folder
+                [sys.executable, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                cwd=folder,
+                env=environment,
             )
 
     def wait(self, timeout=120.0):
@@ -82,6 +88,20 @@ class Child:
 
     def interrupt(self):
         self.process.send_signal(signal.SIGINT)
+
+
+def end(children):
+    """End what is left of some children, all at the same time: ask, then kill."""
+    for child in children:
+        if child.process.poll() is None:
+            child.interrupt()
+    give_up = time.monotonic() + 10.0
+    for child in children:
+        try:
+            child.process.wait(max(0.0, give_up - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            child.process.kill()
+            child.process.wait()
 
 
 @pytest.fixture
@@ -96,20 +116,34 @@ def start(tmp_path):
         return children[-1]
 
     yield start_child
-    for child in children:
-        if child.process.poll() is None:
-            child.process.send_signal(signal.SIGINT)
-            try:
-                child.process.wait(10.0)
-            except subprocess.TimeoutExpired:
-                child.process.kill()
-                child.process.wait()
+    end(children)
 
 
 @pytest.fixture
 def bmd_rths(start):
     """Start the command line."""
     return lambda *arguments: start("-m", "bmd_rths_nodes.cli.main", *arguments)
+
+
+@pytest.fixture(scope="session")
+def composed_run(tmp_path_factory):
+    """Run three seconds in lockstep in two processes, once, for tests that only look at what came of it.
+
+    Status, output and errors, and what was `told` as JSON; nobody changes the bag.
+    """
+    folder = tmp_path_factory.mktemp("composed")
+    arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", folder, "--json")
+    with _free_domain() as number:
+        own = {"ROS_DOMAIN_ID": str(number), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        command = ["-m", "bmd_rths_nodes.cli.main", "run", *(str(a) for a in (CONFIG, *arguments))]
+        child = Child(folder, command, {**os.environ, **own})
+        try:
+            result = child.wait()
+        finally:
+            end([child])
+    assert result.status == 0, result.errors
+    result.told = json.loads(result.output)
+    return result
 
 
 @pytest.fixture
@@ -123,7 +157,7 @@ def client(domain):
 
     def call(service_type, name, request):
         service = node.create_client(service_type, name)
-        assert service.wait_for_service(timeout_sec=30.0), name
+        wait_until(service.service_is_ready, 30.0)  # rclpy itself looks only four times a second
         future = service.call_async(request)
         executor.spin_until_future_complete(future, timeout_sec=30.0)
         node.destroy_client(service)

@@ -1,6 +1,9 @@
 """`bmd-rths`: results in process, and one clear line with exit status 2 for everything that is wrong."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -189,3 +192,12 @@ def test_stability_of_stories_that_yield_says_what_was_looked_at(run_main):
     _, output, _ = run_main("stability", CONFIG, "--no-sensitivity", *options)
     assert "The stories are bilinear: this is their elastic range" in output
     assert "elastic range" not in run_main("stability", CONFIG, "--no-sensitivity")[1]
+
+
+@pytest.mark.parametrize(("given", "expected"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")])
+def test_linear_algebra_has_one_thread_unless_told_otherwise(given, expected):
+    """The variable counts when numpy is imported, which the package itself must therefore not do first."""
+    statement = "import os, sys, bmd_rths_nodes; print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'])"
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"} | given
+    child = subprocess.run([sys.executable, "-c", statement], env=environment, capture_output=True, timeout=120)
+    assert child.stdout.split() == [b"False", expected.encode()], child.stderr

@@ -125,12 +125,13 @@ def test_controller_that_freezes_during_a_run_ends_it_with_its_name(emulate, bmd
     assert processes_of_domain(domain) == {}
 
 
-def test_run_without_a_controller_says_so(bmd_rths, tmp_path, domain):
+def test_run_without_a_controller_says_so_and_whose_prediction_it_was(bmd_rths, tmp_path, domain):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
         nobody.bind(("127.0.0.1", 0))
         table = f"udp://127.0.0.1:{nobody.getsockname()[1]}"
-        result = bmd_rths("run", CONFIG, "--table", table, "--output", tmp_path).wait()
+        result = bmd_rths("run", CONFIG, "--table", table, "--composed", "--output", tmp_path).wait()
     assert result.status == 1
+    assert "predicted for the model in simulated_table, not udp: displacement" in result.errors
     assert f"table controller: no answer from {table} within 1.5 s: it is not there, or another" in result.errors
     assert processes_of_domain(domain) == {}
 

@@ -289,9 +289,13 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
 
 @pytest.mark.parametrize("role", ROLES)
 def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, start, tmp_path, role):
-    """Every state between unconfigured and active is told without harm while other nodes tell theirs."""
+    """Every state between unconfigured and active is told, often, without harm while other nodes tell theirs."""
+    talkative = (
+        "import sys; from bmd_rths_nodes.ros import stage_node; stage_node.STATUS_PERIOD = 0.05; "
+        f"from bmd_rths_nodes.{role}_node import main; sys.exit(main())"
+    )
     child = start(
-        *("-m", f"bmd_rths_nodes.{role}_node", "--ros-args"),
+        *("-c", talkative, "--ros-args"),
         *("-p", "autostart:=false", "-p", f"recorder.directory:={tmp_path}"),
     )
     diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -306,7 +310,7 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
     for transition in steps:
         assert change_state(client, transition, role)
         told.clear()
-        # Its own status once a second, between those of another node.
+        # Its own status, between those of another node.
         wait_until(
             lambda: (
                 diagnostics.publish(status.to_message(status.NodeStatus("/rths/another", status.READY), 0, 0))
@@ -318,3 +322,27 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
     result = child.wait(20.0)
     assert result.status == 0
     assert "Traceback" not in result.errors
+
+
+def test_every_node_of_a_process_is_made_safe_before_one_waits_for_its_last_words(start):
+    """The table must not wait for the middleware."""
+    script = """
+import sys
+from bmd_rths_nodes.composition import LOOP_NODES
+from bmd_rths_nodes.ros import spin, stage_node
+
+spin._spin = lambda executor, nodes, signals: None
+for name in ("stop_stage", "say_farewell"):
+    for node_type in LOOP_NODES:
+        def tell(node, name=name, done=getattr(node_type, name)):
+            print(name, node.ROLE)
+            done(node)
+        setattr(node_type, name, tell)
+sys.exit(spin.run_nodes(LOOP_NODES, ["--ros-args", "-p", "run.record:=false"]))
+"""
+    result = start("-c", script).wait()
+    assert result.status == 0, result.errors
+    loop = [role for role in ROLES if role != "recorder"]
+    told = [line.split() for line in result.output.splitlines()]
+    assert [name for name, _ in told] == ["stop_stage"] * 5 + ["say_farewell"] * 5
+    assert [role for _, role in told] == [*loop, *loop]

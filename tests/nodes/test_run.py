@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,10 +85,8 @@ def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, cli
     assert read_bag(finished(child)["bag"]).same_signals(in_process())
 
 
-def test_composed_lockstep_equals_the_loop_in_process(bmd_rths, tmp_path):
-    arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=4.0", "--output", tmp_path, "--json")
-    result = finished(bmd_rths("run", CONFIG, *arguments))
-    assert read_bag(result["bag"]).same_signals(in_process(ground_motion__duration=4.0))
+def test_composed_lockstep_equals_the_loop_in_process(composed_run):
+    assert read_bag(composed_run.told["bag"]).same_signals(in_process(ground_motion__duration=3.0))
 
 
 @pytest.mark.parametrize("substructure", ["linear", "yielding"])
@@ -100,7 +99,8 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
             "nonlinear.yield_drifts": [0.0005, 0.0005, 0.0005],
         }
     settings = [argument for key, value in changes.items() for argument in ("--set", f"{key}={json.dumps(value)}")]
-    result = finished(bmd_rths("run", EIGHT_STORY, "--lockstep", *settings, "--output", tmp_path, "--json"))
+    options = ("--lockstep", "--composed", *settings, "--output", tmp_path, "--json")
+    result = finished(bmd_rths("run", EIGHT_STORY, *options))
     record = read_bag(result["bag"])
     assert record.floor_accelerations.shape == (1001, 5)
     expected = in_process(EIGHT_STORY, **{key.replace(".", "__"): value for key, value in changes.items()})
@@ -128,7 +128,7 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_p
         "numerical_substructure__stiffnesses": [1500.0 * 94.09**2],
         "numerical_substructure__damping_coefficients": [2 * 0.0167 * 94.09 * 1500.0],
     }
-    arguments = ("--scheme", "uc", "--lockstep", *settings(**light), "--output", tmp_path, "--json")
+    arguments = ("--scheme", "uc", "--lockstep", "--composed", *settings(**light), "--output", tmp_path, "--json")
     result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
     assert result.status == 1
     told = json.loads(result.output)
@@ -139,17 +139,18 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_p
     assert record.same_signals(expected)
 
 
-def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(bmd_rths, tmp_path):
-    arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", tmp_path, "--json")
-    result = finished(bmd_rths("run", CONFIG, *arguments))
+def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(run_main, composed_run):
+    result = dict(composed_run.told)
     assert result.pop("preflight")["cleared"] is True
-    assert finished(bmd_rths("analyze", result["bag"], "--json")) == result
+    status, again, errors = run_main("analyze", result["bag"], "--json")
+    assert status == 0, errors
+    assert json.loads(again) == result
     record = read_bag(result["bag"])
     assert record.configuration["ground_motion"]["duration"] == 3.0
     assert record.motion["name"] == "el_centro_1940_ns"
     assert len(record.motion["sha256"]) == 64
     assert set(record.versions) >= {"bmd_rths", "numpy", "scipy", "filterpy", "python", "rclpy", "rmw", "ros_distro"}
-    with AnyReader([tmp_path / os.path.basename(result["bag"])]) as reader:
+    with AnyReader([Path(result["bag"])]) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
         diagnostics = [c for c in reader.connections if c.topic == "/diagnostics"]
         told = {
@@ -201,8 +202,11 @@ def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
     assert processes_of_domain(domain) == {}
 
 
-def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut(bmd_rths, tmp_path, domain):
-    """In lockstep no deadline can be missed, so all that was recorded must be that of the loop in process."""
+def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut(bmd_rths, run_main, tmp_path, domain):
+    """In lockstep no deadline can be missed, so all that was recorded must be that of the loop in process.
+
+    What is there is enough for a replay.
+    """
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
     child = bmd_rths("run", CONFIG, "--lockstep", *endless, "--output", tmp_path)
     bag = wait_until(lambda: begun(tmp_path))
@@ -222,6 +226,10 @@ def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut
     whole = min(record.steps, expected.steps) - 2
     for name, signal_ in record.signals().items():
         assert np.array_equal(signal_[:whole], expected.signals()[name][:whole]), name
+    status, output, errors = run_main("replay", bag.parent, "--json")
+    assert (status, json.loads(output)["reproduced"]) == (0, True)
+    assert json.loads(output)["signals"]["interface_force"]["compared"] > 100
+    assert errors.startswith("warning: ")
 
 
 def last_log_time(bag):
@@ -277,10 +285,17 @@ def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
 
 
 def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
-    first = bmd_rths("run", CONFIG, *PATIENT, "--set", "ground_motion.time_scale=1.0", "--output", tmp_path, "--json")
-    wait_until(lambda: begun(tmp_path))
+    """The first one still records afterwards, and it is the operator who ends it."""
+    endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
+    first = bmd_rths("run", CONFIG, *PATIENT, *endless, "--output", tmp_path, "--json")
+    bag = wait_until(lambda: begun(tmp_path))
     second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
     assert second.status == 2
     assert "another run is active on this ROS domain" in second.errors
     assert "set ROS_DOMAIN_ID to a free domain" in second.errors
-    assert finished(first)["outcome"] == "finished"
+    assert not (tmp_path / "second").exists()
+    size = bag.stat().st_size
+    wait_until(lambda: bag.stat().st_size > size + 100_000)
+    first.interrupt()
+    told = json.loads(first.wait(60.0).output)
+    assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator")

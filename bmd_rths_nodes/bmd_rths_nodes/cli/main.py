@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import importlib
-import os
 import sys
 from typing import Any
 
@@ -32,8 +31,6 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
-        if cmd_name == "campaign":  # before numpy is imported: with its small matrices threads wait for each other
-            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         command: Any = getattr(importlib.import_module(f"bmd_rths_nodes.cli.{cmd_name}"), cmd_name)
         return command
 

@@ -75,6 +75,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     except InputError as error:
         return _refuse(str(error))
     finally:
+        for node in nodes:  # every one of them before any waits
+            node.make_safe()
         for node in nodes:
             node.say_farewell()
             node.destroy_node()

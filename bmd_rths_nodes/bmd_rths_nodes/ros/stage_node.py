@@ -71,6 +71,7 @@ class StageNode(LifecycleNode, ABC):
         self._inputs: list[Subscription] = []
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
+        self._last_words = False
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self._forget_counts()
         triggers.offer(self, self.operator_services())
@@ -229,10 +230,20 @@ class StageNode(LifecycleNode, ABC):
         own = NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
         self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
 
-    def say_farewell(self) -> None:
-        """Leave everything safe and see that the last status arrives."""
+    def make_safe(self) -> None:
+        """Leave everything safe, because the process ends."""
+        told = self._status_told
         self.stop_stage()
-        self._diagnostics.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
+        self._last_words = self._status_told > told
+
+    def say_farewell(self) -> None:
+        """See that what was told while everything was made safe arrives.
+
+        The middleware asks for acknowledgements every few seconds only, so that a status of any time before, which has
+        long arrived, would be waited for in vain.
+        """
+        if self._last_words:
+            self._diagnostics.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
 
     # ---- lifecycle
 
