@@ -18,8 +18,9 @@ LOOK_PERIOD = 0.05
 #: Longest time until step 0 [s]; six processes have to start and to find each other.
 START_TIMEOUT = 60.0
 
-#: Longest wait for the first words of the numerical substructure after Ctrl-C [s]: on a busy machine a test may be
-#: under way before it is discovered, and its table is not at rest. Fast DDS repeats its announcements every 3 s.
+#: Longest wait for the first words of the numerical substructure after Ctrl-C or the loss of a node [s]: on a busy
+#: machine a test may be under way before it is discovered, and its table is not at rest. Fast DDS repeats its
+#: announcements every 3 s.
 HEARING_TIMEOUT = 4.0
 
 #: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
@@ -58,6 +59,7 @@ class RunFollower:
         self.problem = ""
         self._give_up = time.perf_counter() + START_TIMEOUT
         self._hear_until = math.inf
+        self._closing = CLOSING_TIMEOUT
 
     @property
     def progress(self) -> tuple[str, int]:
@@ -112,15 +114,14 @@ class RunFollower:
         lost = self._supervisor.lost()
         if lost is not None and undisturbed:
             self.problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
+            undisturbed = False
             if lost.name == RECORDER:  # a test that is not recorded is of no use
                 self._supervisor.interrupt_first()
-                self._wait_for(FAREWELL_TIME if self._started else 0.0)
-            else:
-                self._wait_for(CLOSING_TIMEOUT if self._started else 0.0)
-        elif self._state == status.RUNNING and undisturbed:
+                self._closing = FAREWELL_TIME
+        if self._state == status.RUNNING and undisturbed:
             self._wait_for(math.inf)
-        elif self._started or (self._operator.asked and not self._may_be_heard_of()):
-            longest = CLOSING_TIMEOUT if self._started else 0.0
+        elif self._started or not (undisturbed or self._may_be_heard_of()):
+            longest = self._closing if self._started else 0.0
             self._give_up = min(self._give_up, time.perf_counter() + longest)
 
     def _may_be_heard_of(self) -> bool:

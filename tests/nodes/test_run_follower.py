@@ -1,0 +1,121 @@
+"""How long a run is waited for: on a clock of its own, with nodes that are heard early, late or never."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from bmd_rths_nodes import run_follower
+from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.run_follower import CLOSING_TIMEOUT, FAREWELL_TIME, HEARING_TIMEOUT, RunFailed, RunFollower
+
+LOST = "shear_estimator ended with status -9: it wrote nothing"
+
+
+class Run:
+    """Monitor, supervisor and operator of a run, and the clock; what happens is said by time [s]."""
+
+    def __init__(self, **events):
+        self.now, self.status, self.interrupted, self._lost = 0.0, {}, False, None
+        self.operator = SimpleNamespace(asked=False, leaving=False, update=lambda: None)
+        self._events = {float(name.removeprefix("at_")): event for name, event in events.items()}
+
+    def update(self, seconds):
+        """Let time pass."""
+        self.now += seconds
+        for when in [when for when in self._events if when <= self.now]:
+            self._events.pop(when)(self)
+
+    def lost(self):
+        return self._lost
+
+    def lose(self, name):
+        process = SimpleNamespace(returncode=-9)
+        self._lost = SimpleNamespace(name=name, process=process, last_words=lambda: "it wrote nothing")
+
+    def interrupt_first(self):
+        self.interrupted = True
+
+    def tell(self, role, state, **values):
+        values = {"step": "5", "missed_deadlines": "0"} | values
+        self.status[role] = NodeStatus(f"/rths/{role}", state, values=values)
+
+
+def loses(name):
+    return lambda run: run.lose(name)
+
+
+def tells(role, state, **values):
+    return lambda run: run.tell(role, state, **values)
+
+
+@pytest.fixture
+def follow(monkeypatch):
+    """Follow a run to its end; return the bag or the error, what the follower says of it, and when it was."""
+
+    def follow_run(run):
+        monkeypatch.setattr(run_follower, "time", SimpleNamespace(perf_counter=lambda: run.now))
+        follower = RunFollower(run, run, run.operator)
+        try:
+            while (bag := follower.look()) is None:
+                pass
+        except RunFailed as error:
+            return str(error), follower.problem, run.now
+        return bag, follower.problem, run.now
+
+    return follow_run
+
+
+ENDS = tells("recorder", status.ENDED, bag="the_bag")
+RUNS = tells("numerical_substructure", status.RUNNING)
+
+
+def test_run_is_followed_to_its_bag_however_long_it_takes(follow):
+    assert follow(Run(at_1=RUNS, at_900=ENDS))[:2] == (Path("the_bag"), "")
+
+
+def test_node_that_is_lost_before_anything_was_heard_may_have_been_one_of_a_running_test(follow):
+    """The numerical substructure is heard 3 s after the loss; the bag is waited for."""
+    outcome, problem, when = follow(Run(at_2=loses("shear_estimator"), at_5=RUNS, at_9=ENDS))
+    assert (outcome, problem) == (Path("the_bag"), LOST)
+    assert when == pytest.approx(9.0, abs=0.1)
+
+
+def test_node_that_is_lost_of_a_run_that_is_never_heard_ends_it_soon(follow):
+    outcome, _, when = follow(Run(at_2=loses("shear_estimator")))
+    assert outcome == LOST
+    assert when == pytest.approx(2.0 + HEARING_TIMEOUT, abs=0.2)
+
+
+def test_node_that_is_lost_before_the_test_ends_the_run_at_once(follow):
+    waits = tells("numerical_substructure", status.WAITING)
+    outcome, _, when = follow(Run(at_1=waits, at_2=loses("shear_estimator")))
+    assert outcome == LOST
+    assert when == pytest.approx(2.0, abs=0.2)
+
+
+def test_bag_of_a_lost_run_is_waited_for_once(follow):
+    outcome, _, when = follow(Run(at_1=RUNS, at_2=loses("shear_estimator")))
+    assert outcome == LOST
+    assert when == pytest.approx(2.0 + CLOSING_TIMEOUT, abs=0.2)
+
+
+def test_without_its_recorder_the_test_is_ended_and_the_table_has_time_to_come_to_rest(follow):
+    run = Run(at_1=RUNS, at_2=loses("recorder"))
+    outcome, _, when = follow(run)
+    assert outcome == "recorder ended with status -9: it wrote nothing"
+    assert run.interrupted
+    assert when == pytest.approx(2.0 + FAREWELL_TIME, abs=0.2)
+
+
+def test_ctrl_c_before_anything_was_heard_waits_for_a_test_that_may_be_under_way(follow):
+    def asks(run):
+        run.operator.asked = True
+
+    outcome, _, when = follow(Run(at_2=asks, at_5=RUNS, at_9=ENDS))
+    assert outcome == Path("the_bag")
+    assert when == pytest.approx(9.0, abs=0.1)
+    outcome, _, when = follow(Run(at_2=asks))
+    assert outcome == "stopped before the test had begun"
+    assert when == pytest.approx(2.0 + HEARING_TIMEOUT, abs=0.2)
