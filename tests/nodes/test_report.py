@@ -71,7 +71,8 @@ def test_page_is_whole_needs_no_network_and_says_the_verdict_first(run_main, rec
     assert len(figures) == page.tags.count("figure") == 8
     for svg in figures:
         assert all(reference.startswith(("#", "data:")) for reference in re.findall(r'href="([^"]*)"', svg))
-    order = ("Finished", "virtual laboratory", "RMSE", "Limits", "Response of the floors")
+    errors = f"superstructure {result['rmse_percent']['superstructure']:.1f} %; the table is"
+    order = ("Finished", errors, "virtual laboratory", "RMSE (Eq. 12)", "Limits", "Response of the floors")
     places = [page.text.index(words) for words in order]
     assert places == sorted(places)
     for words in (

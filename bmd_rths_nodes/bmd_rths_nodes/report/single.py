@@ -8,7 +8,7 @@ from bmd_rths_core.report.hysteresis import HIGH_PASS_SHARE
 from bmd_rths_core.report.run_report import RunReport
 from bmd_rths_core.report.timing import StepTiming
 from bmd_rths_nodes.report import tables
-from bmd_rths_nodes.report.wording import assumption, number, problems, verdict
+from bmd_rths_nodes.report.wording import assumption, number, problems, results, verdict
 
 #: Where the criteria come from.
 CRITERIA = (
@@ -70,7 +70,7 @@ def single_report(report: RunReport) -> Document:
         title=f"{record.motion.get('name', 'unknown motion')}, {analysis.config.run.scheme}",
         verdict=verdict(record),
         good=not wrong,
-        notes=(*wrong, assumption(analysis)),
+        notes=(results(analysis), *wrong, assumption(analysis)),
         sections=(
             Section("Errors", tuple(errors)),
             Section("Limits", (tables.limits_table(report),)),

@@ -58,6 +58,24 @@ def verdict(record: RunRecord) -> str:
     return words if record.outcome == "finished" else f"{words}: {record.reason}"
 
 
+def results(analysis: RunAnalysis) -> str:
+    """Return what a test came to, in one sentence.
+
+    Parameters
+    ----------
+    analysis : RunAnalysis
+        The run and its errors.
+    """
+    metrics, timing = analysis.metrics, analysis.record.timing
+    known = analysis.record.stable
+    errors = (
+        f"{name.replace('_', ' ')} {number(value if known else None)} %" for name, value in metrics.rmse_percent.items()
+    )
+    missed = "" if timing is None else f"; {timing.missed_deadlines} deadlines missed"
+    delay = f"the table is {number(metrics.tracking_delay_ms)} ms late"
+    return f"RMSE against the building without partition: {', '.join(errors)}; {delay}{missed}."
+
+
 def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
     """Return what was wrong with a test, in words.
 
