@@ -10,8 +10,8 @@ The others are timed for some records only (all with --full) and scaled by simul
     BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py --full
     BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/campaign.py --json
 
-With --memory it measures instead how the memory of a study of 10,000 runs grows (El Centro, 8 s, 2,500 seeds, two
-processes); no other record is needed:
+With --list it prints the records as `bmd-rths campaign --motions` takes them. With --memory it measures instead how the
+memory of a study of 10,000 runs grows (El Centro, 8 s, 2,500 seeds, two processes); no other record is needed:
 
     python benchmarks/campaign.py --memory
 """
@@ -69,12 +69,17 @@ SHIPPED = "el_centro_1940_ns"
 MEMORY_SHARES = (0.005, 0.1, 0.25, 0.5, 0.75, 0.98)
 
 
-def write_list(folder: Path) -> Path:
+def list_of_records() -> str:
+    """Return the records as `bmd-rths campaign --motions` takes them."""
     records = os.environ.get("BMD_RTHS_GROUND_MOTIONS")
     if records is None:
         raise click.UsageError("BMD_RTHS_GROUND_MOTIONS: not set; the folder of the real records is required")
+    return "".join(f"{Path(records).absolute() / line}\n" for line in RECORDS)
+
+
+def write_list(folder: Path) -> Path:
     path = folder / "records.csv"
-    path.write_text("".join(f"{Path(records).absolute() / line}\n" for line in RECORDS))
+    path.write_text(list_of_records())
     return path
 
 
@@ -191,12 +196,15 @@ def memory(runs: int) -> list[dict[str, float]]:
 
 @click.command()
 @click.option("--memory", "memory_only", is_flag=True, help="Measure the memory of a study of 10,000 runs instead.")
+@click.option("--list", "only_list", is_flag=True, help="Print the records for `bmd-rths campaign --motions` instead.")
 @click.option("--runs", default=10000, show_default=True, help="With --memory: size of the study.")
 @click.option("--full", is_flag=True, help="Time the others with all 52 runs.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def main(memory_only: bool, runs: int, full: bool, as_json: bool) -> None:
+def main(memory_only: bool, only_list: bool, runs: int, full: bool, as_json: bool) -> None:
     """Compare the times, or measure the memory."""
-    if memory_only:
+    if only_list:
+        print(list_of_records(), end="")
+    elif memory_only:
         show_memory(memory(runs), as_json)
     else:
         compare_times(full, as_json)
