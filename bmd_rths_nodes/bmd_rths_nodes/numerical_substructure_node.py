@@ -29,6 +29,10 @@ from bmd_rths_nodes.ros.status import NodeStatus
 #: In lockstep, a step that has not closed after this time ends the test [s].
 LOCKSTEP_TIMEOUT = 5.0
 
+#: In lockstep, the longest wait for a recorder that is far behind [s]: longer than it may be silent, and then get again
+#: what was lost meanwhile, which Fast DDS repeats after 3 s.
+RECORDING_TIMEOUT = 15.0
+
 #: In lockstep the loop waits when it is so many steps ahead of the recorder: fewer than a publisher keeps.
 LONGEST_LEAD = 400
 
@@ -136,8 +140,9 @@ class NumericalSubstructureNode(StageNode):
             elif self.state != status.RUNNING:  # a peer was lost between the decision to start and the start
                 self._due = math.inf
             elif self._lockstep:
-                waited_for = "was not recorded" if self._waits_for_recorder else "did not close"
-                self._end("failed", f"step {self._step - 1} {waited_for} within {LOCKSTEP_TIMEOUT:g} s")
+                late = f"was not recorded within {RECORDING_TIMEOUT:g} s"
+                stuck = f"did not close within {LOCKSTEP_TIMEOUT:g} s"
+                self._end("failed", f"step {self._step - 1} {late if self._waits_for_recorder else stuck}")
             else:
                 self._tick(now)
         return min(super().poll(now), self._due)
@@ -201,10 +206,13 @@ class NumericalSubstructureNode(StageNode):
 
     def _begin_step_when_recorded(self) -> None:
         """Begin the next step of lockstep unless the recorder is far behind: it would lose what nobody keeps."""
+        waited = self._waits_for_recorder
         lead = self._step - self._recorded_steps
         self._waits_for_recorder = self.config.run.record and lead > LONGEST_LEAD
         if not self._waits_for_recorder:
             self._begin_step()
+        elif not waited:
+            self._due = time.perf_counter() + RECORDING_TIMEOUT
 
     def _on_peer(self, peer: NodeStatus) -> None:
         if peer.state == status.TRIPPED and self.state == status.RUNNING:

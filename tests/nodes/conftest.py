@@ -158,8 +158,11 @@ def client(domain):
     def call(service_type, name, request):
         service = node.create_client(service_type, name)
         wait_until(service.service_is_ready, 30.0)  # rclpy itself looks only four times a second
-        future = service.call_async(request)
-        executor.spin_until_future_complete(future, timeout_sec=30.0)
+        for _ in range(3):
+            future = service.call_async(request)
+            executor.spin_until_future_complete(future, timeout_sec=10.0)
+            if future.done():
+                break  # otherwise the answer came before the server had found this client, and is lost
         node.destroy_client(service)
         assert future.done(), name
         return future.result()
