@@ -105,7 +105,7 @@ def interpolate(motion: GroundMotion, time_step: float) -> GroundMotion:
         )
     positions = points * np.arange(math.floor((motion.steps - 1) / points + _RATIO_TOLERANCE) + 1)
     nearest = np.round(positions).astype(int)
-    # Steps that lie in the same way between the points share their taps: few do not when the factor is a short decimal.
+    # Steps that lie alike between the points share their taps; for a factor that is a short decimal most of them do.
     between, taps_of = np.unique(np.round(positions - nearest, 9), return_inverse=True)
     width = max(1.0, points)
     half = math.ceil(_HALF_WIDTH * width + 0.5)
