@@ -111,8 +111,9 @@ class StabilityIndicator:
         u3[:] = displacements
         self._displacements = [u3, u1, u2]
         self._forces = (feedback_force, f1, f2)
-        power = force * float(jerk[-1]) - float(jerk @ self._damping @ jerk)
-        energy = float(jerk @ (self._masses * jerk))
+        with np.errstate(over="ignore"):  # of a shear that is absurd; the supervisor refuses what follows from it
+            power = force * float(jerk[-1]) - float(jerk @ self._damping @ jerk)
+            energy = float(jerk @ (self._masses * jerk))
         self._power += self._share * (power - self._power)
         self._energy += self._share * (energy - self._energy)
         self.value = max(0.0, self.value + dt * self._power / (self._energy + self._floor))
