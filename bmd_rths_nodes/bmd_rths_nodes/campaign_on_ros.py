@@ -42,8 +42,8 @@ DECIDED = {
 #: every 3 s; on a busy machine the first ones get lost.
 _DISCOVERY = 4.0
 
-#: Longest wait until the nodes of the last run, or those of a campaign that was killed, are gone [s]: Fast DDS forgets a
-#: process that was killed, because it did not end in time on a busy machine, after 20 s.
+#: Longest wait until the nodes of the last run, or those of a campaign that was killed, are gone [s]. Fast DDS forgets
+#: a process that was killed, because it did not end in time on a busy machine, after 20 s.
 _FORGETTING = 30.0
 
 #: How a test ends that has a result.

@@ -169,3 +169,17 @@ def test_files_that_identify_writes_are_tables(run_main, result_of, tmp_path):
     )
     assert data["allowable_mass_ratio"] == pytest.approx(true["allowable_mass_ratio"], rel=0.05)
     assert data["discrete"] is None
+
+
+def test_table_of_a_model_replaces_nothing_but_the_table(result_of, tmp_path):
+    """The delay constant and the specimen in the file are not those of the test, and what is set stays set."""
+    model = tmp_path / "model.yaml"
+    table = "simulated_table: {dynamics: servo, servo_real_pole: 40.0}"
+    others = "command_shaper: {alpha: 9.0}\n    specimen: {masses: [1500.0, 1600.0]}"
+    model.write_text(f"/**:\n  ros__parameters:\n    {table}\n    {others}\n")
+    same = ("--set", "simulated_table.dynamics=servo", "--set", "simulated_table.servo_real_pole=40.0")
+    for settings in ((), ("--set", "command_shaper.alpha=3.0")):
+        asked = (SIMPLIFIED, "--no-sensitivity", *settings)
+        with_file, by_hand = result_of(*asked, "--table", model), result_of(*asked, *same)
+        for name in ("mass_ratio", "allowable_mass_ratio", "verdict_text"):
+            assert with_file[name] == by_hand[name]

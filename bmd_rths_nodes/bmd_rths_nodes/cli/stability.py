@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -41,8 +42,9 @@ _WIDTH = 116
     "--table",
     default="identified",
     metavar="identified|perfect|delay:MS|FILE",
-    help="Table: the simulated one of the configuration, a perfect one, a pure delay in ms, a model that `bmd-rths "
-    "identify` wrote (YAML), or a measured frequency response (CSV with frequency_hz, magnitude, phase_deg).",
+    help="Table: the simulated one of the configuration, a perfect one, a pure delay in ms, that of a model that "
+    "`bmd-rths identify` wrote (YAML), or a measured frequency response (CSV with frequency_hz, magnitude, phase_deg). "
+    "Nothing but the table is replaced; --model takes specimen and delay constant of a model too.",
 )
 @click.option(
     "--modes",
@@ -59,7 +61,7 @@ _WIDTH = 116
     help="Delay of the shear in Eqs. 7 and 8. The two other analyses have the one step of the loop.",
 )
 @click.option("--sweep", "with_sweep", is_flag=True, help="Allowable mass ratio over the numerical frequency.")
-@click.option("--sensitivity/--no-sensitivity", "with_sensitivity", default=True, help="Change every parameter 10 %.")
+@click.option("--sensitivity/--no-sensitivity", "with_sensitivity", default=True, show_default=True, help="Change every parameter 10 %.")
 @json_option
 def stability(
     choice: ConfigChoice,
@@ -129,7 +131,7 @@ def _with_table(config: Config, table: str) -> tuple[Config, MeasuredResponse | 
         changes = {"simulated_table__dynamics": "perfect", "simulated_table__command_delay": milliseconds * 1e-3}
         return config.changed(**changes), None
     if table.endswith((".yaml", ".yml")):
-        return config.merged(table), None
+        return dataclasses.replace(config, simulated_table=config.merged(table).simulated_table), None
     if not (table.endswith(".csv") or Path(table).is_file()):
         raise InputError(f"--table {table}: unknown; identified, perfect, delay:MS, a YAML or a CSV file is required")
     return config, read_frequency_response(table)
