@@ -61,7 +61,13 @@ _WIDTH = 116
     help="Delay of the shear in Eqs. 7 and 8. The two other analyses have the one step of the loop.",
 )
 @click.option("--sweep", "with_sweep", is_flag=True, help="Allowable mass ratio over the numerical frequency.")
-@click.option("--sensitivity/--no-sensitivity", "with_sensitivity", default=True, show_default=True, help="Change every parameter 10 %.")
+@click.option(
+    "--sensitivity/--no-sensitivity",
+    "with_sensitivity",
+    default=True,
+    show_default=True,
+    help="Change every parameter 10 %.",
+)
 @json_option
 def stability(
     choice: ConfigChoice,
