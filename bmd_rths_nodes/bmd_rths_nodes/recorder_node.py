@@ -95,6 +95,7 @@ class RecorderNode(StageNode):
         self._steps_told_of = 0
         self._end: NodeStatus | None = None
         self._table_moves = False
+        self._trip = ""
 
     def stop_stage(self) -> None:
         """Close the bag, whatever has come so far."""
@@ -190,6 +191,7 @@ class RecorderNode(StageNode):
                 self._end = peer
             elif peer.role == TABLE_DRIVER:
                 self._table_moves = peer.values.get("table") == "moving"
+                self._trip = peer.message if peer.state == status.TRIPPED else self._trip
 
     def _record(self, name: str, type_name: str, data: bytes) -> None:
         now = time.time_ns()
@@ -208,7 +210,9 @@ class RecorderNode(StageNode):
         return True
 
     def _close_as_told(self, end: NodeStatus) -> None:
-        self._close(end.values["outcome"], end.message, _timing(end))
+        # What the table driver did after the end, an emergency stop on the way to rest, belongs to how it ended.
+        later = "" if not self._trip or self._trip in end.message else f"; {TABLE_DRIVER}: {self._trip}"
+        self._close(end.values["outcome"], f"{end.message}{later}", _timing(end))
 
     def _close(self, outcome: str, reason: str, timing: TimingStatistics | None) -> None:
         writer = self._writer

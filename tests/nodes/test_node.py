@@ -1,6 +1,7 @@
 """One node seen from ROS: parameters, lifecycle, status, messages of other nodes."""
 
 import math
+import signal
 import time
 
 import pytest
@@ -102,7 +103,8 @@ def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(clien
     assert shaper.wait(20.0).status == 0
 
 
-def test_bare_node_starts_itself_and_tells_its_status(client, start):
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
+def test_bare_node_starts_itself_tells_its_status_and_ends_in_order(client, start, ending):
     told = {}
 
     def on_diagnostics(message):
@@ -115,7 +117,7 @@ def test_bare_node_starts_itself_and_tells_its_status(client, start):
     wait_until(lambda: client.spin_some() or told["/rths/command_shaper"]["state"] == "waiting")
     assert told["/rths/command_shaper"]["malformed"] == "0"
     assert state(client) == State.PRIMARY_STATE_ACTIVE
-    node.process.terminate()
+    node.process.send_signal(ending)
     result = node.wait(20.0)
     assert result.status == 0
     assert "Traceback" not in result.errors

@@ -283,7 +283,8 @@ def test_second_ctrl_c_is_an_emergency_stop(bmd_rths, tmp_path, domain, controll
     assert "emergency stop (Ctrl-C again to leave at once)" in result.errors
     assert "table driver: emergency stop: the table controller was told to stop at once" in result.errors
     told = json.loads(result.output)
-    assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator")
+    reason = "table_driver: stopped by the operator; table_driver: emergency stop by the operator"
+    assert (told["outcome"], told["reason"]) == ("stopped", reason)
     (bag,) = (tmp_path / "bags").iterdir()
     assert read_bag(bag).outcome == "stopped"
     assert "emergency stop by the operator" in told_by_the_table_driver(bag)

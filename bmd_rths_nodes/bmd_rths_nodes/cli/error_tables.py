@@ -21,7 +21,7 @@ _WIDTH = 120
 _TITLES = {"substructure": "Table 2, substructure", "superstructure": "Table 3, superstructure"}
 _NOTE = (
     "RMSE of Eq. 12 [%], in brackets that of the paper, which names events but no records. "
-    "Means are over the stable runs; the paper's over all its events."
+    "Means are over the stable runs, whole ones only; the paper's over all its events."
 )
 
 
@@ -31,10 +31,11 @@ class _Mean:
     def __init__(self) -> None:
         self._sum, self._stable, self._unstable = 0.0, 0, 0
 
-    def add(self, value: float | None) -> None:
-        if value is None:
+    def add(self, result: Mapping[str, Any], name: str) -> None:
+        value = result["rmse_percent"][name]
+        if result["outcome"] == "limit":
             self._unstable += 1
-        else:
+        elif result["outcome"] == "finished" and value is not None:
             self._sum, self._stable = self._sum + value, self._stable + 1
 
     def __str__(self) -> str:
@@ -60,7 +61,7 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, assume
     for result in results:
         line = json.dumps(result["variation"]) if varied else ""
         for name in PAPER_TABLES:
-            means[line][name, result["scheme"]].add(result["rmse_percent"][name])
+            means[line][name, result["scheme"]].add(result, name)
         if not varied:
             _add(rows, result)
     schemes = [s for s in SCHEME_NAMES if any((name, s) in entry for entry in means.values() for name in PAPER_TABLES)]
@@ -73,7 +74,7 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, assume
         for line, entry in means.items():
             label = ", ".join(f"{key}={value}" for key, value in json.loads(line).items()) if line else "mean"
             cells = (f"{entry[name, s]} ({paper_mean(PAPER_TABLES[name], s):.2f})" for s in schemes)
-            table.add_row(Text(label), *(["paper's events"] if not varied else [""]), *cells, style="bold")
+            table.add_row(Text(label), *(["(paper: all)"] if not varied else [""]), *cells, style="bold")
         console.print(table)
     click.echo(_NOTE)
     for sentence in assumed:
@@ -90,7 +91,7 @@ def result_with_event(result: Mapping[str, Any], source: str) -> dict[str, Any]:
     source : str
         Path of its ground motion.
     """
-    return {**result, "event": event_of(source), "file": source, "variation": {}}
+    return {**result, "event": event_of(source) or event_of(result["motion"]), "file": source, "variation": {}}
 
 
 def _add(rows: list[dict[str, Any]], result: Mapping[str, Any]) -> None:
@@ -101,7 +102,7 @@ def _add(rows: list[dict[str, Any]], result: Mapping[str, Any]) -> None:
     else:
         row = {name: result[name] for name in ("file", "motion", "event")}
         rows.append(row)
-    row[result["scheme"]] = result["rmse_percent"]
+    row[result["scheme"]] = {name: _cell(result, name) for name in PAPER_TABLES}
 
 
 def _table(name: str, schemes: Iterable[str]) -> Table:
@@ -117,9 +118,17 @@ def _cells(row: Mapping[str, Any], name: str, schemes: Iterable[str]) -> Iterabl
     yield row["motion"]
     yield row["event"] or ""
     for scheme in schemes:
-        ours = _percent(row[scheme][name]) if scheme in row else ""
+        ours = row[scheme][name] if scheme in row else ""
         paper = f" ({_percent(PAPER_TABLES[name][row['event']][scheme])})" if row["event"] else ""
         yield ours + paper
+
+
+def _cell(result: Mapping[str, Any], name: str) -> str:
+    """Return an error, marked where the test did not come to its end."""
+    value, outcome = result["rmse_percent"][name], result["outcome"]
+    if value is None and outcome != "limit":
+        return "no data"
+    return _percent(value) + ("" if outcome in ("finished", "limit") else f", {outcome}")
 
 
 def _percent(value: float | None) -> str:

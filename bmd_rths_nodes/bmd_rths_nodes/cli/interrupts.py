@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a list that grows, for commands that end in order."""
+"""Ctrl-C, SIGTERM and SIGHUP as a list that grows, for commands that end in order."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from bmd_rths_nodes.ending_signals import ending_signals
+
 
 @contextmanager
 def collected_interrupts() -> Iterator[list[int]]:
-    """Collect SIGINT and SIGTERM in a list instead of dying of them."""
+    """Collect SIGINT, SIGTERM and SIGHUP (unless it is ignored, as by nohup) in a list instead of dying of them."""
     received: list[int] = []
-    before = {
-        number: signal.signal(number, lambda n, _: received.append(n)) for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    before = {number: signal.signal(number, lambda n, _: received.append(n)) for number in ending_signals()}
     try:
         yield received
     finally:

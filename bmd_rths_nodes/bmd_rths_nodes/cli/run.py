@@ -9,6 +9,7 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli import preflight
@@ -22,6 +23,7 @@ from bmd_rths_nodes.ros_run import COMPOSED_PROCESSES, PROCESSES, run_on_ros
 from bmd_rths_nodes.run_follower import RunFailed
 
 _TOO_SLOW = (
+    "{} deadlines were missed, at most {} in a row{}. "
     "This computer, or the table controller, did not keep up with the time step. Ending other work, --composed or a "
     "longer run.time_step help; run.max_consecutive_misses and safety.stale_shear_limit say how long the loop waits."
 )
@@ -72,11 +74,23 @@ def run(
             log(f"error: {error}")
             return 1
     record = read_bag(bag)
-    if record.outcome == "failed" and "deadlines in a row" in record.reason:
-        log(_TOO_SLOW)
+    _explain_misses(record)
     predicted = None if prediction is None else preflight.as_mapping(prediction)
     show({**result_of(analysed(record)), "preflight": predicted, "bag": str(bag)}, as_json)
     return 0 if record.outcome == "finished" else 1
+
+
+def _explain_misses(record: RunRecord) -> None:
+    """Say what to do when missed deadlines ended the test, or may have."""
+    timing = record.timing
+    if timing is None or not timing.missed_deadlines or record.outcome not in ("failed", "limit"):
+        return
+    led = "; late shears make the command jump and drift, which may have led to the limit"
+    log(
+        _TOO_SLOW.format(
+            timing.missed_deadlines, timing.max_consecutive_misses, led if record.outcome == "limit" else ""
+        )
+    )
 
 
 def _run(config: Config, steps: int, modules: tuple[str, ...], monitor: RunMonitor) -> Path:

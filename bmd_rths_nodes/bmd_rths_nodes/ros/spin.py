@@ -18,6 +18,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.ending_signals import ending_signals
 from bmd_rths_nodes.ros.stage_node import StageNode
 
 #: A wait in the middleware ends up to this late [s]; the rest is waited for by looking at the clock.
@@ -34,7 +35,7 @@ LONGEST_FAREWELL = 2.0
 
 
 def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | None = None) -> int:
-    """Run nodes in this process until SIGINT or SIGTERM.
+    """Run nodes in this process until SIGINT, SIGTERM, or SIGHUP where it is not ignored.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         Exit status: 0 after a signal, 2 when parameters or inputs are wrong.
     """
     signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, lambda received, _: signals.append(received))
     try:
         rclpy.init(

@@ -1,0 +1,25 @@
+"""Tables of many runs: what did not come to its end is marked, and no mean is made of it."""
+
+from bmd_rths_nodes.cli.error_tables import result_with_event, show_error_tables
+
+
+def result(error, outcome="finished", scheme="uc", motion="one"):
+    errors = dict.fromkeys(("substructure", "control_layer", "superstructure"), error)
+    told = {"motion": motion, "scheme": scheme, "outcome": outcome, "rmse_percent": errors}
+    return result_with_event(told, f"/records/{motion}.AT2")
+
+
+def test_mean_is_that_of_whole_stable_runs(capsys):
+    runs = [result(10.0), result(30.0, motion="two"), result(99.0, "stopped"), result(77.0, "failed")]
+    runs += [result(None, "cut"), result(None, "limit", motion="two")]
+    show_error_tables(runs, varied=False, assumed=())
+    text = capsys.readouterr().out
+    assert "20.00, 1 unstable" in text
+    for cell in ("99.00, stopped", "77.00, failed", "no data", "unstable"):
+        assert cell in text
+
+
+def test_shipped_record_is_that_of_its_event():
+    """Its source is no folder of an earthquake, its name is."""
+    assert result(1.0, motion="el_centro_1940_ns")["event"] == "El Centro"
+    assert result(1.0, motion="other")["event"] is None
