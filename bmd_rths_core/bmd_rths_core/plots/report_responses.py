@@ -63,7 +63,9 @@ def draw_comparison(figure: Figure | SubFigure, data: Comparison) -> None:
     interface = next(i for i, floor in enumerate(first.floors) if floor.name.startswith("interface"))
     for axes, place in zip(rows, (len(first.floors) - 1, interface), strict=True):
         reference = first.floors[place]
-        plot_history(axes, *between(reference.time, reference.reference, data.window), **_REFERENCE)
+        plot_history(
+            axes, *between(reference.time, reference.reference, data.window), **_REFERENCE | {"linewidth": 1.0}
+        )
         for run, look in zip(data.runs, _RUNS, strict=False):
             floor = next((f for f in run.responses.floors if f.name == reference.name), None)
             if floor is not None:

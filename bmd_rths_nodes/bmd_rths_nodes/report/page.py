@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from string import Template
 
@@ -41,7 +41,7 @@ _PAGE = Template("""<!DOCTYPE html>
 <body>
 <h1>$title</h1>
 <div class="verdict$good"><p>$verdict</p>
-<ul>$notes</ul></div>
+$notes</div>
 $sections
 </body>
 </html>
@@ -63,9 +63,14 @@ def page_of(document: Document, svg_of: Callable[[FigureData], bytes]) -> str:
         style=_STYLE,
         good=" good" if document.good else "",
         verdict=escape(document.verdict),
-        notes="".join(f"<li>{escape(note)}</li>" for note in document.notes),
+        notes=_notes(document.notes),
         sections="\n".join(_section(section, svg_of) for section in document.sections),
     )
+
+
+def _notes(notes: Sequence[str]) -> str:
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    return f"<ul>{items}</ul>" if items else ""
 
 
 def _section(section: Section, svg_of: Callable[[FigureData], bytes]) -> str:
