@@ -16,9 +16,7 @@ from bmd_rths_nodes.report.wording import assumption, problems
 #: Columns of runs that fit beside each other.
 _COLUMNS = 6
 
-_OVERLAY = (
-    "Top floor and interface where the response is largest, over the building without partition (thin black line)."
-)
+_OVERLAY = "Top floor and interface where the response is largest, over the building without partition (black line)."
 _NOTHING_IN_COMMON = "No two of the runs have the same building and ground motion, so that nothing can be overlaid."
 
 
