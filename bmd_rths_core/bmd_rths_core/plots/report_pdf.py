@@ -27,8 +27,8 @@ _LINE, _CHARACTERS = 4.2, 112
 #: Width of the first column of a table, of all its columns, and the largest of any other column [mm].
 _FIRST, _ALL, _OTHER = 60.0, 180.0, 32.0
 
-#: Characters in the first column of a table, and width of a bold one [mm].
-_NAME, _BOLD = 42, 1.75
+#: Characters in the first column of a table, and width of one in its header, which is 7 pt [mm].
+_NAME, _BOLD = 42, 1.6
 
 #: Height of a line of folded text [mm]: 6 pt.
 _SMALL = 2.9
@@ -117,7 +117,7 @@ def _header(cells: tuple[str, ...]) -> _Piece:
     characters = int(_column(cells) / _BOLD)
     lines = [textwrap.wrap(cell, characters, break_long_words=False) for cell in cells[1:]]
     height = _LINE * max((len(cell) for cell in lines), default=1)
-    return _Piece(height, cells=(cells[0], *("\n".join(cell) for cell in lines)), weight="bold", keep=True)
+    return _Piece(height, cells=(cells[0], *("\n".join(cell) for cell in lines)), size=7.0, weight="bold", keep=True)
 
 
 def _column(cells: tuple[str, ...]) -> float:
