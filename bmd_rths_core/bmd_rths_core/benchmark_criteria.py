@@ -94,11 +94,12 @@ def benchmark_criteria(record: RunRecord, reference: FloatArray, lower: int) -> 
     """
     desired, achieved = record.desired_acceleration[1:], record.table_acceleration[:-1]
     known = np.isfinite(desired)
+    upper = reference.shape[1] - lower
+    measured = record.floor_accelerations
+    if not measured.size:  # nothing was measured at all
+        measured = np.full((record.steps, upper), np.nan)
     pairs = [(reference[:, lower - 1], record.desired_acceleration)]
-    pairs += [
-        (reference[1:, lower + floor], record.floor_accelerations[:-1, floor])
-        for floor in range(record.floor_accelerations.shape[1])
-    ]
+    pairs += [(reference[1:, lower + floor], measured[:-1, floor]) for floor in range(upper)]
     return BenchmarkCriteria(
         tracking_delay_ms=1e3 * tracking_delay(desired, achieved, record.time_step),
         tracking_error_percent=rmse_percent(desired[known], achieved[known]),

@@ -38,8 +38,10 @@ STATED = {
         "unstable",
         "pure delay of 25 ms",
         "third-order servo",
+        "without compensation",
+        "Eq. 9, the table of the 8-story system",
     ],
-    13: ["el_centro_1940_ns", "the paper's figure shows Parkfield", "PLC + FC", "m/s²"],
+    13: ["el_centro_1940_ns", "the paper's figure shows Parkfield", "PLC + FC", "m/s²", "the 5 s in which"],
 }
 
 

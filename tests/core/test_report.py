@@ -1,6 +1,7 @@
 """What a report shows, against closed forms, independent libraries and the run itself."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from bmd_rths_core.report.numerical_motion import numerical_motion, stability_in
 from bmd_rths_core.report.run_report import RunReport, run_report
 from bmd_rths_core.report.samples import filled, strong_motion
 from bmd_rths_core.report.tracking import delay_over_time, table_frequencies
+from bmd_rths_core.report.watched import largest_increment, largest_tracking_error
 from tests.conftest import SERVO_TABLE
 
 DT = 0.005
@@ -197,3 +199,26 @@ def test_runs_with_the_same_ground_and_building_are_laid_over_each_other():
     assert [run.label for run in group.runs] == ["run 2: uc", "run 3: fc", "run 4: plc", "run 5: plc_fc"]
     assert (len(group.runs), group.left_out) == (MOST_CURVES, 1)
     assert 0.0 <= group.window[0] < group.window[1] <= 5.0
+
+
+@pytest.mark.parametrize("limit", ["increment", "tracking"])
+def test_largest_increment_and_tracking_error_are_what_the_supervisor_found(limit):
+    value = {"increment": 0.4, "tracking": 0.3}[limit]
+    _, record, config = simulated(**{f"safety__{limit}_limit": value})
+    assert record.outcome == "limit"
+    largest = {
+        "increment": largest_increment(record),
+        "tracking": largest_tracking_error(record, config.safety),
+    }
+    told = float(re.search(r": [a-z ]+ (-?[\d.]+), allowed", record.reason).group(1))
+    assert largest[limit] == pytest.approx(abs(told), rel=1e-5)
+
+
+def test_largest_increment_and_tracking_error_of_an_empty_record_are_unknown():
+    _, record, config = simulated(1.0)
+    for short in (0, 1):
+        cut = {name: signal[:short] for name, signal in record.signals().items()}
+        assert np.isfinite(largest_increment(dataclasses.replace(record, **cut))) == bool(short)
+    nothing = dataclasses.replace(record, applied_command=np.full(record.steps, np.nan))
+    assert np.isnan(largest_tracking_error(nothing, config.safety))
+    assert largest_increment(nothing) == pytest.approx(np.abs(np.diff(record.command, prepend=0.0)).max())

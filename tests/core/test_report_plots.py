@@ -15,7 +15,7 @@ from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.plots.histories import thinned
 from bmd_rths_core.plots.report_drawing import draw, height_of, svg_of
-from bmd_rths_core.plots.report_pdf import write_pdf
+from bmd_rths_core.plots.report_pdf import _pieces, _sheets, write_pdf
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_core.report.comparison import comparisons
@@ -29,10 +29,10 @@ STATED = {
     "tracking": ["synchronisation", "achieved", "windows of 2 s", "delay [ms]"],
     "frequencies": ["magnitude [dB]", "phase [°]", "coherence"],
     "transfer": ["specimen floor 1 over ground", "interface over ground"],
-    "forces": ["load cells, times 0.5", "required (Eq. 4)", "unbalanced [kN]"],
+    "forces": ["load cells, times 0.5", "required (Eq. 4)", "unbalanced [kN]", "around the largest shear"],
     "numerical_stories": ["numerical story 1", "drift [mm]"],
     "specimen_stories": ["specimen story 1", "specimen story 2"],
-    "energy": ["brought by the interface", "limit 0.7"],
+    "energy": ["brought by the interface", "limit 0.7", "stability indicator, at most 0."],
     "timing": ["Δt = 5 ms", "missed deadline", "closure of a step [ms]"],
     "comparison": ["run 1: plc_fc", "run 2: plc_fc"],
 }
@@ -83,6 +83,56 @@ def test_nothing_is_cut_off_or_covered(data, name):
         boxes = [legend.get_window_extent() for legend in figure.legends]
         boxes += [axes.get_tightbbox() for axes in figure.axes]
         assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def drawn(data):
+    """Return the axes of a figure."""
+    with style():
+        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height_of(data) / 25.4))
+        draw(figure, data)
+        return figure.axes
+
+
+def test_peak_of_the_run_is_inside_the_transfer_functions_where_it_is_coherent(data):
+    transfer = data["transfer"]
+    higher = dataclasses.replace(
+        transfer.run, response=transfer.run.response.copy(), coherence=transfer.run.coherence * 0
+    )
+    higher.response[5], higher.coherence[5] = 1e4, 1.0
+    higher.response[9] = 1e8
+    for axes in drawn(dataclasses.replace(transfer, run=higher)):
+        assert 1e4 < axes.get_ylim()[1] < 1e6
+
+
+def test_no_delay_is_cut_at_an_edge(data):
+    delays = data["tracking"].delay_ms
+    (axes,) = (axes for axes in drawn(data["tracking"]) if axes.get_ylabel() == "delay [ms]")
+    room = 0.1 * np.ptp(delays)
+    assert axes.get_ylim()[0] < delays.min() - room
+    assert axes.get_ylim()[1] > delays.max() + room
+
+
+def test_the_largest_shear_is_seen_closely(data):
+    forces = data["forces"]
+    begin, end = forces.largest
+    assert end - begin == pytest.approx(2.0)
+    at = forces.time[np.argmax(np.maximum(np.abs(forces.fed_back), np.abs(forces.required)))]
+    assert begin <= at <= end
+    unknown = np.full(len(forces.time), np.nan)
+    assert dataclasses.replace(forces, fed_back=unknown, required=unknown).largest == (0.0, 2.0)
+
+
+def test_heading_stands_on_the_sheet_of_its_figure_and_no_sheet_is_too_full(data):
+    rows = tuple((f"a name that is much too long for the column it stands in {i}", str(i)) for i in range(9))
+    sections = [
+        Section(name, (Paragraph("word " * 50), Table(("name", "value"), rows), Picture(data[name], "caption")))
+        for name in STATED
+    ]
+    sheets = list(_sheets(_pieces(Document("title", "verdict", True, ("a note",), tuple(sections)))))
+    for name in STATED:
+        (sheet,) = (sheet for sheet in sheets if any(piece.lines == (name,) for piece in sheet))
+        assert any(piece.figure is data[name] for piece in sheet)
+    assert all(sum(piece.height for piece in sheet) <= 297.0 - 30.0 for sheet in sheets)
 
 
 def document(data):

@@ -12,7 +12,10 @@ import pytest
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.record import TimingStatistics
+from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.record_bag import write_record
+from bmd_rths_nodes.report.wording import problems, results, verdict
 
 #: Tags that have no end.
 VOID = {"meta", "link", "img"}
@@ -72,6 +75,7 @@ def test_page_is_whole_needs_no_network_and_says_the_verdict_first(run_main, rec
     for svg in figures:
         assert all(reference.startswith(("#", "data:")) for reference in re.findall(r'href="([^"]*)"', svg))
     errors = f"superstructure {result['rmse_percent']['superstructure']:.1f} %; the table is"
+    assert "criterionvalue" in page.text
     order = ("Finished", errors, "virtual laboratory", "RMSE (Eq. 12)", "Limits", "Response of the floors")
     places = [page.text.index(words) for words in order]
     assert places == sorted(places)
@@ -100,8 +104,13 @@ def test_test_that_was_ended_at_once_has_a_report_that_says_so(run_main, record,
     text = (tmp_path / "report.html").read_text()
     assert "<script" not in text
     page = Page(text)
-    for words in (f"Ended by a limit: {reason}", f"steps: {steps}", "Cannot be shown"):
+    for words in (f"Ended by a limit: {reason}", f"steps: {steps}", "Cannot be shown", "The errors are left out"):
         assert words in page.text
+    for words in ("RMSE against", "diverged", "may have led"):
+        assert words not in page.text
+    assert re.search(r"J7 peak error, interface \[%\]\s*–", page.text)
+    delay = re.search(r"J1 tracking delay \[ms\]\s*([\d.–]+)", page.text).group(1)
+    assert (delay == "–") == (" ms late" not in page.text)
     assert page.tags.count("figure") == (5 if steps >= 3 else 0)
 
 
@@ -127,15 +136,38 @@ def test_several_bags_are_compared_on_one_page(run_main, record, tmp_path):
         ),
         select_ground_motion(Config().changed(ground_motion__duration=6.0).ground_motion, 0.005),
     ).run()
-    bags = [write_record(r, tmp_path / name) for name, r in (("one", record), ("two", other))]
+    empty = changed(record, lambda signal: signal[:0], outcome="limit", reason="safety.force_limit")
+    named = (("one", record), ("two", other), ("three", empty))
+    bags = [write_record(r, tmp_path / name) for name, r in named]
     status, output, _ = run_main("analyze", *bags, "--report", "all.html", "--json")
     assert status == 0
     page = Page((tmp_path / "all.html").read_text())
     assert page.tags.count("figure") == 1
     for run in json.loads(output)["runs"]:
         for value in (*run["rmse_percent"].values(), *run["benchmark_criteria"].values()):
-            assert f"{value:.2f}" in page.text
-    assert "2 of 2 runs have finished" in page.text
+            assert value is None or f"{value:.2f}" in page.text
+    assert "2 of 3 runs have finished" in page.text
+    for words in ("1: plc_fc, one", "2: uc, two", "Runs 1, 2, 3: The table is a virtual", "J7 peak error, interface"):
+        assert words in page.text
+    assert "J5 peak error" not in page.text
+    assert page.text.index("1: plc_fc, one") < page.text.index("Run 3: The errors are left out")
+
+
+def test_what_is_said_of_deadlines_and_of_the_operator(record):
+    timing = TimingStatistics(3, 2, (5, 6, 9), 0, {"p50": 1.0, "p99": 2.0, "max": 3.0})
+    late = analysed(dataclasses.replace(record, outcome="limit", reason="safety.increment_limit", timing=timing))
+    assert "3 deadlines missed" in results(late)
+    words = "3 of 1201 deadlines were missed, at most 2 in a row; the last shear was held."
+    assert f"{words} This may have led to the limit." in problems(late, 0.0)
+    in_time = dataclasses.replace(timing, missed_deadlines=0, max_consecutive_misses=0, missed_steps=())
+    for lockstep in (False, True):
+        configuration = {**record.configuration, "run": {**record.configuration["run"], "lockstep": lockstep}}
+        run = analysed(dataclasses.replace(record, configuration=configuration, timing=in_time))
+        assert ("deadlines" in results(run)) != lockstep
+    stopped = dataclasses.replace(record, outcome="stopped", reason="table_driver: stopped by the operator")
+    assert verdict(stopped) == "Stopped by the operator."
+    other = dataclasses.replace(stopped, reason="the launch was interrupted")
+    assert verdict(other) == "Stopped by the operator: the launch was interrupted"
 
 
 def test_report_for_print_is_a_pdf(run_main, record, tmp_path):

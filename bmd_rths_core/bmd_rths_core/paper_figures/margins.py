@@ -183,7 +183,7 @@ def figure_8(config: Config) -> MarginFigure:
 
 
 def figure_11(config: Config) -> MarginFigure:
-    """Return Figure 11: margin of the simplified system with the dynamics of the table.
+    """Return Figure 11: margin of the simplified system with the dynamics of the table, without compensation.
 
     Parameters
     ----------
@@ -197,17 +197,20 @@ def figure_11(config: Config) -> MarginFigure:
     Notes
     -----
     The paper does not give the coefficients of the table it identified with the simplified specimen on it. Three others
-    take its place: the pure delay of 25 ms it states, Eq. 9, and the table of the configuration.
+    take its place: the pure delay of 25 ms it states, Eq. 9, which is the table of the 8-story system, and the table of
+    the configuration.
     """
     configured = simulated_table(config.simulated_table, config.specimen.building())
     cases = (
         LoopCase("pure delay of 25 ms", Delay(0.025)),
-        LoopCase("Eq. 9", table_sections(EQUATION_9)),
+        LoopCase("Eq. 9, the table of the 8-story system", table_sections(EQUATION_9)),
         LoopCase(f"configured: {table_name(config)}", configured, None, config.simulated_table.command_delay),
     )
     marks = (_mark_of(config, "configured"), Mark(0.20, "paper: 0.2, with its own table"))
     stated = ("0.2, its own table",) * len(cases)
-    return _figure(11, "with table dynamics", SIMPLIFIED, config, cases, marks, stated, "1.53 t, 8 t")
+    return _figure(
+        11, "with table dynamics, without compensation", SIMPLIFIED, config, cases, marks, stated, "1.53 t, 8 t"
+    )
 
 
 def resolved_curve(highest: float, curve: Callable[[FloatArray], MarginCurve]) -> MarginCurve:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -16,6 +17,9 @@ _LEFT, _RIGHT = 15.0, 3.0
 
 #: Room for axis labels below all axes and between two rows that both have them [mm].
 BOTTOM, LABELS = 10.0, 13.0
+
+#: A legend of some axes just above them.
+ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.02), "borderaxespad": 0.0, "handlelength": 2.0}
 
 
 def grid_in_mm(

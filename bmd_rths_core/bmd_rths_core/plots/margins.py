@@ -29,7 +29,7 @@ def draw_margins(data: MarginFigure) -> Figure:
         _draw_panel(own, panel, data)
         own.set_title(f"({letter}) experimental substructure: {panel.title}")
     axes[0].set_ylabel("mass ratio (Eq. 8) [1]")
-    legend_below(figure, axes[0], columns=2)
+    legend_below(figure, axes[0], columns=2, between=0.06)
     return figure
 
 

@@ -51,6 +51,8 @@ def height_of(data: FigureData) -> float:
         return min(20.0 + 32.0 * len(data.names), 250.0)
     if isinstance(data, Hysteresis):
         return min(58.0 * -(-len(data.stories) // STORIES_IN_A_ROW), 250.0)
+    if isinstance(data, InterfaceForces):
+        return 150.0
     return 125.0 if isinstance(data, TrackingHistory) else 105.0
 
 

@@ -14,6 +14,9 @@ from bmd_rths_core.report.comparison import Comparison
 from bmd_rths_core.report.responses import FloorResponses
 from bmd_rths_core.report.tracking import FloorTransfer
 
+#: What is less coherent may leave the figure: noise has no amplification.
+_COHERENT = 0.3
+
 #: Colours of runs laid over each other, told apart in grey by their dashes.
 _RUNS: tuple[dict[str, Any], ...] = tuple(
     {"color": color, "linestyle": line["linestyle"], "linewidth": 0.9}
@@ -63,7 +66,9 @@ def draw_comparison(figure: Figure | SubFigure, data: Comparison) -> None:
     interface = next(i for i, floor in enumerate(first.floors) if floor.name.startswith("interface"))
     for axes, place in zip(rows, (len(first.floors) - 1, interface), strict=True):
         reference = first.floors[place]
-        plot_history(axes, *between(reference.time, reference.reference, data.window), **_REFERENCE)
+        plot_history(
+            axes, *between(reference.time, reference.reference, data.window), **_REFERENCE | {"linewidth": 1.0}
+        )
         for run, look in zip(data.runs, _RUNS, strict=False):
             floor = next((f for f in run.responses.floors if f.name == reference.name), None)
             if floor is not None:
@@ -90,8 +95,10 @@ def draw_transfer(figure: Figure | SubFigure, data: FloorTransfer) -> None:
     for axes, floor in zip(rows, reversed(range(len(data.names))), strict=True):
         for response, look in ((data.run, _RUN), (data.reference, _REFERENCE)):
             axes.semilogy(hertz, np.maximum(np.abs(response.response[:, floor]), 1e-3), **look)
-        shown = np.abs(data.reference.response[:, floor])
-        axes.set(ylabel="[1]", ylim=(0.5 * shown.min(), 3.0 * shown.max()))
+        coherent = data.run.coherence[:, floor] >= _COHERENT
+        run = np.abs(data.run.response[coherent, floor])
+        shown = np.maximum(np.append(np.abs(data.reference.response[:, floor]), run), 1e-3)
+        axes.set(ylabel="[1]", ylim=(0.5 * shown.min(), 2.0 * shown.max()))
         axes.yaxis.set_major_formatter("{x:g}")  # powers would be formulas, which are not parsed
         axes.yaxis.set_minor_formatter("")
         axes.set_title(f"{data.names[floor]} over ground", loc="left")

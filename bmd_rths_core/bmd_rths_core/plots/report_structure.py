@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from bmd_rths_core.plots.histories import plot_history
-from bmd_rths_core.plots.layout import LABELS, grid_in_mm, legend_on_top
+from bmd_rths_core.plots.layout import ABOVE, LABELS, grid_in_mm, legend_on_top
 from bmd_rths_core.plots.style import BLACK, BLUE, GREEN, ORANGE, VERMILION
 from bmd_rths_core.report.energy import EnergyHistory
 from bmd_rths_core.report.hysteresis import Hysteresis, StoryLoop
@@ -55,20 +55,24 @@ def draw_energy(figure: Figure | SubFigure, data: EnergyHistory) -> None:
     data : EnergyHistory
         What it shows.
     """
-    energies, indicator = grid_in_mm(figure, 2, height_ratios=(2, 1)).subplots(squeeze=False, sharex=True)[:, 0]
+    grid = grid_in_mm(figure, 2, height_ratios=(2, 1), between=(7.0, 0.0))
+    energies, indicator = grid.subplots(squeeze=False, sharex=True)[:, 0]
     curves = (
         (data.ground_input, "input by the ground", BLACK, "-"),
         (data.interface, "brought by the interface", VERMILION, (0, (5, 2))),
         (data.dampers, "dampers", GREEN, "-"),
-        (data.springs, "springs", BLUE, "-"),
         (data.kinetic, "kinetic", ORANGE, "-"),
+        (data.springs, "springs", BLUE, (0, (3, 1.5))),
     )
     for values, label, color, dashes in curves:
-        plot_history(energies, data.time, values, color=color, linestyle=dashes, linewidth=0.9, label=label)
+        width = 1.6 if label == "kinetic" else 0.8  # the springs lie over it where energy goes to and fro
+        plot_history(energies, data.time, values, color=color, linestyle=dashes, linewidth=width, label=label)
     legend_on_top(figure, energies, 5)
     energies.set_ylabel("energy [J]")
-    plot_history(indicator, data.time, data.indicator, color=BLACK, linewidth=0.8)
-    indicator.axhline(data.indicator_limit, color=VERMILION, linewidth=0.8, linestyle="--")
-    indicator.text(0.0, data.indicator_limit, f" limit {data.indicator_limit:g}", verticalalignment="bottom")
+    largest = f"stability indicator, at most {data.largest_indicator:.3g}"
+    plot_history(indicator, data.time, data.indicator, color=BLACK, linewidth=0.8, label=largest, clip_on=False)
+    limit = f"limit {data.indicator_limit:g}"
+    indicator.axhline(data.indicator_limit, color=VERMILION, linewidth=0.8, linestyle="--", label=limit)
+    indicator.legend(ncols=2, **ABOVE)
     highest = max(1.3 * data.indicator_limit, 1.05 * float(np.nanmax(data.indicator, initial=0.0)))
     indicator.set(ylabel="indicator [1]", xlabel="time [s]", ylim=(0.0, highest), xlim=(0.0, data.time[-1]))

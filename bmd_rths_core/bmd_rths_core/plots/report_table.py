@@ -11,15 +11,13 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from bmd_rths_core.plots.histories import between, plot_history
-from bmd_rths_core.plots.layout import LABELS, grid_in_mm
+from bmd_rths_core.plots.layout import ABOVE, LABELS, grid_in_mm
 from bmd_rths_core.plots.style import BLACK, BLUE, ORANGE, VERMILION
 from bmd_rths_core.report.forces import InterfaceForces
 from bmd_rths_core.report.timing import StepTiming
 from bmd_rths_core.report.tracking import TableFrequencies, TrackingHistory
 
 FloatArray = NDArray[np.float64]
-
-_ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.02), "borderaxespad": 0.0, "handlelength": 2.0}
 
 
 def draw_tracking(figure: Figure | SubFigure, data: TrackingHistory) -> None:
@@ -33,14 +31,15 @@ def draw_tracking(figure: Figure | SubFigure, data: TrackingHistory) -> None:
         What it shows.
     """
     grid = grid_in_mm(figure, 3, 2, between=(LABELS + 5.0, 18.0), width_ratios=(2.0, 1.0))
-    history, error, delay = (figure.add_subplot(grid[row, 0]) for row in range(3))
+    history, error = grid[:2, 0].subgridspec(2, 1, hspace=0.12).subplots(sharex=True, squeeze=False)[:, 0]
+    delay = figure.add_subplot(grid[2, 0])
     synchronisation = figure.add_subplot(grid[:2, 1])
     window = data.strong_motion
     plot_history(history, *between(data.time, data.achieved, window), color=ORANGE, linewidth=1.4, label="achieved")
     plot_history(history, *between(data.time, data.desired, window), color=BLACK, linewidth=0.6, label="desired")
     difference = data.achieved - data.desired
     plot_history(error, *between(data.time, difference, window), color=VERMILION, linewidth=0.7)
-    history.legend(ncols=2, **_ABOVE)
+    history.legend(ncols=2, **ABOVE)
     history.set(ylabel="[m/s²]", xlim=window)
     error.set(ylabel="error [m/s²]", xlim=window, xlabel="time [s], strong motion")
     synchronisation.plot(data.desired, data.achieved, color=BLUE, linewidth=0.3, rasterized=True)
@@ -49,7 +48,8 @@ def draw_tracking(figure: Figure | SubFigure, data: TrackingHistory) -> None:
     delay.plot(data.delay_time, data.delay_ms, "o", color=BLUE, markersize=2.5, label="windows of 2 s")
     if np.isfinite(data.overall_delay_ms):
         delay.axhline(data.overall_delay_ms, color=BLACK, linewidth=0.8, label=f"all: {data.overall_delay_ms:.2f} ms")
-    delay.legend(ncols=2, **_ABOVE)
+    delay.legend(ncols=2, **ABOVE)
+    delay.margins(y=0.2)  # no point is cut at an edge
     delay.set(xlabel="time [s], whole run", ylabel="delay [ms]", xlim=(0.0, data.time[-1]))
 
 
@@ -79,7 +79,7 @@ def draw_frequencies(figure: Figure | SubFigure, data: TableFrequencies) -> None
 
 
 def draw_forces(figure: Figure | SubFigure, data: InterfaceForces) -> None:
-    """Draw the shears in the strong motion and the unbalanced force over the whole run.
+    """Draw the shears in the strong motion and around the largest, and the unbalanced force over the whole run.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def draw_forces(figure: Figure | SubFigure, data: InterfaceForces) -> None:
     data : InterfaceForces
         What it shows.
     """
-    shears, unbalanced = grid_in_mm(figure, 2, between=(LABELS, 0.0)).subplots(squeeze=False)[:, 0]
+    shears, zoom, unbalanced = grid_in_mm(figure, 3, between=(LABELS, 0.0)).subplots(squeeze=False)[:, 0]
     scaled = f", times {data.feedback_scale:g}" if data.feedback_scale != 1.0 else ""
     curves: tuple[tuple[FloatArray, str, dict[str, Any]], ...] = (
         (data.measured, f"load cells{scaled}", {"color": "0.7", "linewidth": 1.8}),
@@ -98,10 +98,13 @@ def draw_forces(figure: Figure | SubFigure, data: InterfaceForces) -> None:
     )
     for values, label, look in curves:
         if np.isfinite(values).any():
-            plot_history(shears, *between(data.time, values / 1e3, data.strong_motion), label=label, **look)
+            for axes, window in ((shears, data.strong_motion), (zoom, data.largest)):
+                plot_history(axes, *between(data.time, values / 1e3, window), label=label, **look)
     plot_history(unbalanced, data.time, data.unbalanced / 1e3, color=VERMILION, linewidth=0.6)
-    shears.legend(ncols=4, **_ABOVE)
+    shears.legend(ncols=4, **ABOVE)
     shears.set(ylabel="shear [kN]", xlim=data.strong_motion, xlabel="time [s], strong motion")
+    shears.axvspan(*data.largest, color="0.93", linewidth=0.0)
+    zoom.set(ylabel="shear [kN]", xlim=data.largest, xlabel="time [s], around the largest shear, shaded above")
     unbalanced.axvspan(*data.strong_motion, color="0.93", linewidth=0.0)
     unbalanced.set(ylabel="unbalanced [kN]", xlim=(0.0, data.time[-1]), xlabel="time [s], strong motion shaded")
 
@@ -127,13 +130,13 @@ def draw_timing(figure: Figure | SubFigure, data: StepTiming) -> None:
         axes.axvline(deadline, color=VERMILION, linewidth=1.0, linestyle="--", label=f"Δt = {deadline:g} ms")
         axes.set(xlabel=label, ylabel="steps")
         axes.yaxis.set_major_formatter("{x:g}")  # powers would be formulas, which are not parsed
-        axes.legend(ncols=1, **_ABOVE)
+        axes.legend(ncols=1, **ABOVE)
     time = data.steps * data.time_step
     plot_history(history, time, data.closure_ms, color=BLUE, linewidth=0.5, label="closure")
     history.axhline(deadline, color=VERMILION, linewidth=0.8, linestyle="--")
     missed = np.array(data.missed_steps) * data.time_step
     history.plot(missed, np.full(len(missed), deadline), "|", color=VERMILION, markersize=8.0, label="missed deadline")
-    history.legend(ncols=2, **_ABOVE)
+    history.legend(ncols=2, **ABOVE)
     history.set(xlabel="test time [s]", ylabel="closure [ms]")
 
 

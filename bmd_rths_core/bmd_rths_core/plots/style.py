@@ -68,7 +68,7 @@ def new_figure(height: float, title: str) -> Figure:
     return figure
 
 
-def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+def legend_below(figure: Figure, axes: Axes, columns: int, between: float = 0.02) -> None:
     """Put one legend below all axes, where it covers nothing.
 
     Parameters
@@ -79,11 +79,13 @@ def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
         Axes that have every entry.
     columns : int
         Number of columns.
+    between : float
+        Room between neighbouring axes, as a share of their width.
     """
     legend = figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=columns)
     # loc="outside lower center" does this too, but Ubuntu 24.04 has matplotlib 3.6, which does not know it yet.
     top = legend.get_window_extent().y1 / figure.bbox.height
-    figure.set_layout_engine("constrained", rect=(0.0, top, 1.0, 1.0 - top))
+    figure.set_layout_engine("constrained", rect=(0.0, top, 1.0, 1.0 - top), wspace=between)
 
 
 def write(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:

@@ -29,8 +29,10 @@ def draw_time_history(data: TimeHistory) -> Figure:
     begin, end = data.strong_motion
     whole.axvspan(begin, end, color="0.93", linewidth=0.0)
     whole.set(xlim=(0.0, data.time[-1]), title="(a) whole record, strong motion shaded")
-    zoom.set(xlim=(begin, end), title="(b) strong motion")
-    zoom.set_xlabel("time [s]")
+    longest = f"the {end - begin:.3g} s in which the mean square of the benchmark is largest"
+    zoom.set(xlim=(begin, end), title=f"(b) strong motion: {longest}")
+    for axes in (whole, zoom):
+        axes.set_xlabel("time [s]")
     legend_below(figure, whole, columns=2)
     return figure
 

@@ -11,6 +11,9 @@ from bmd_rths_core.record import RunRecord
 
 FloatArray = NDArray[np.float64]
 
+#: Length of the time in which curves that nearly agree can be told apart [s].
+CLOSE = 2.0
+
 
 @dataclass(frozen=True)
 class InterfaceForces:
@@ -40,6 +43,14 @@ class InterfaceForces:
     unbalanced: FloatArray
     feedback_scale: float
     strong_motion: tuple[float, float]
+
+    @property
+    def largest(self) -> tuple[float, float]:
+        """Begin and end of the `CLOSE` s around the largest shear that was fed back or required [s]."""
+        size = np.fmax(np.abs(self.fed_back), np.abs(self.required))
+        middle = float(self.time[np.nanargmax(size)]) if np.isfinite(size).any() else 0.0
+        begin = max(0.0, min(middle, float(self.time[-1]) - 0.5 * CLOSE) - 0.5 * CLOSE)
+        return begin, begin + CLOSE
 
 
 def interface_forces(record: RunRecord, feedback_scale: float, strong_motion: tuple[float, float]) -> InterfaceForces:

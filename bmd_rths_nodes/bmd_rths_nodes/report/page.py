@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from string import Template
 
@@ -21,7 +21,7 @@ p { margin: .5rem 0; overflow-wrap: anywhere; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .5rem 0 1rem; font-size: .92rem; }
 th, td { padding: .2rem .8rem .2rem 0; text-align: right; border-bottom: 1px solid #e5e5e5; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; }
+th:first-child, td:first-child { text-align: left; white-space: normal; overflow-wrap: anywhere; min-width: 8rem; }
 figure { margin: 1rem 0; break-inside: avoid; }
 figure img { width: 100%; min-width: 38rem; height: auto; display: block; }
 figcaption { color: #444; font-size: .9rem; }
@@ -41,7 +41,7 @@ _PAGE = Template("""<!DOCTYPE html>
 <body>
 <h1>$title</h1>
 <div class="verdict$good"><p>$verdict</p>
-<ul>$notes</ul></div>
+$notes</div>
 $sections
 </body>
 </html>
@@ -63,9 +63,14 @@ def page_of(document: Document, svg_of: Callable[[FigureData], bytes]) -> str:
         style=_STYLE,
         good=" good" if document.good else "",
         verdict=escape(document.verdict),
-        notes="".join(f"<li>{escape(note)}</li>" for note in document.notes),
+        notes=_notes(document.notes),
         sections="\n".join(_section(section, svg_of) for section in document.sections),
     )
+
+
+def _notes(notes: Sequence[str]) -> str:
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    return f"<ul>{items}</ul>" if items else ""
 
 
 def _section(section: Section, svg_of: Callable[[FigureData], bytes]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
+from bmd_rths_core.report.analysis import RunAnalysis
 from bmd_rths_core.report.comparison import comparisons
 from bmd_rths_core.report.document import Block, Document, Paragraph, Picture, Section
 from bmd_rths_core.report.run_report import RunReport
@@ -15,7 +16,7 @@ from bmd_rths_nodes.report.wording import assumption, problems
 #: Columns of runs that fit beside each other.
 _COLUMNS = 6
 
-_OVERLAY = "Top floor and interface where the response is largest, over the building without partition (black)."
+_OVERLAY = "Top floor and interface where the response is largest, over the building without partition (black line)."
 _NOTHING_IN_COMMON = "No two of the runs have the same building and ground motion, so that nothing can be overlaid."
 
 
@@ -28,23 +29,38 @@ def comparison_report(reports: Sequence[RunReport]) -> Document:
         What it shows.
     """
     analyses = [report.analysis for report in reports]
-    wrong = [
-        f"Run {i}: {problem}"
-        for i, report in enumerate(reports, 1)
-        for problem in problems(report.analysis, report.motion.deviation_percent)
-    ]
+    wrong = _by_run([problems(report.analysis, report.motion.deviation_percent) for report in reports])
+    assumed = _by_run([[assumption(analysis)] for analysis in analyses])
     finished = sum(analysis.record.outcome == "finished" for analysis in analyses)
     return Document(
         title=f"Comparison of {len(reports)} runs",
         verdict=f"{finished} of {len(reports)} runs have finished.",
         good=not wrong,
-        notes=(*wrong, *dict.fromkeys(assumption(analysis) for analysis in analyses)),
+        notes=(),  # so many lines would stand before the first number
         sections=(
             Section("Errors", (Paragraph("RMSE of Eq. 12; none for runs that a limit ended."), *_errors(reports))),
+            Section("Notes", tuple(Paragraph(note) for note in (*wrong, *assumed))),
             Section("Responses", tuple(_overlays(reports))),
-            Section("Bags", tuple(Paragraph(f"Run {i}: {run.record.source}.") for i, run in enumerate(analyses, 1))),
+            Section("Bags", tuple(Paragraph(_bag(i, run)) for i, run in enumerate(analyses, 1))),
         ),
     )
+
+
+def _by_run(said: Sequence[Sequence[str]]) -> list[str]:
+    """Return every sentence once, after the numbers of the runs it is about."""
+    runs: dict[str, list[int]] = {}
+    for i, sentences in enumerate(said, 1):
+        for sentence in sentences:
+            runs.setdefault(sentence, []).append(i)
+    return [
+        f"Run{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}: {sentence}"
+        for sentence, numbers in runs.items()
+    ]
+
+
+def _bag(number: int, analysis: RunAnalysis) -> str:
+    motion = analysis.record.motion.get("name", "unknown")
+    return f"Run {number}: {motion}, {analysis.config.run.scheme}; {analysis.record.source}."
 
 
 def _errors(reports: Sequence[RunReport]) -> list[Block]:

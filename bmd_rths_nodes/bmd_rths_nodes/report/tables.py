@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from bmd_rths_core.report.analysis import RunAnalysis
 from bmd_rths_core.report.document import Table
 from bmd_rths_core.report.responses import FloorResponses
 from bmd_rths_core.report.run_report import RunReport
+from bmd_rths_core.report.watched import largest_increment, largest_tracking_error
 from bmd_rths_core.table_peaks import peak
 from bmd_rths_nodes.report.wording import number, significant
 
@@ -40,8 +42,9 @@ def criteria_table(analyses: Mapping[str, RunAnalysis]) -> Table:
     names = [*_J, *(f"J{4 + i} error, {floor} [%]" for i, floor in enumerate(floors))]
     names += [f"J{4 + count + i} peak error, {floor} [%]" for i, floor in enumerate(floors)]
     columns = [
-        [value if analysis.record.stable else None for value in analysis.criteria.by_symbol().values()]
+        [value if analysis.record.stable or symbol == "J1" else None for symbol, value in symbols]
         for analysis in analyses.values()
+        for symbols in (analysis.criteria.by_symbol().items(),)
     ]
     rows = zip(names, *columns, strict=True)
     return Table(("criterion", *analyses), tuple((name, *(number(v, 2) for v in values)) for name, *values in rows))
@@ -62,6 +65,8 @@ def limits_table(report: RunReport) -> Table:
         ("displacement [m]", peaks.displacement, "displacement"),
         ("velocity [m/s]", peaks.velocity, "velocity"),
         ("command [m/s²]", peak(analysis.record.command), "acceleration"),
+        ("change of the command in a step [m/s²]", largest_increment(analysis.record), "increment"),
+        ("tracking error, running RMS [m/s²]", largest_tracking_error(analysis.record, safety), "tracking"),
         ("force [N]", peaks.force, "force"),
         ("stability indicator [1]", indicator, "stability"),
     )
@@ -114,7 +119,7 @@ def ductility_table(analysis: RunAnalysis, ductility: Sequence[float]) -> Table:
 
 
 def comparison_table(analyses: Sequence[RunAnalysis]) -> Table:
-    """Return the errors of several runs, one row for each.
+    """Return the errors of several runs, one row for each, named after the folder of its bag.
 
     Parameters
     ----------
@@ -126,7 +131,7 @@ def comparison_table(analyses: Sequence[RunAnalysis]) -> Table:
         record, metrics = analysis.record, analysis.metrics
         known = record.stable
         errors = [number(value if known else None, 2) for value in metrics.rmse_percent.values()]
-        label = f"{i}: {record.motion.get('name', 'unknown')}, {analysis.config.run.scheme}"
+        label = f"{i}: {analysis.config.run.scheme}, {Path(record.source).name}"
         rows.append((label, record.outcome, *errors, number(metrics.tracking_delay_ms, 2)))
     names = ("substructure [%]", "control layer [%]", "superstructure [%]", "delay [ms]")
     return Table(("run", "outcome", *names), tuple(rows))

@@ -55,25 +55,32 @@ def verdict(record: RunRecord) -> str:
         The run.
     """
     words = _OUTCOMES[record.outcome]
-    return words if record.outcome == "finished" else f"{words}: {record.reason}"
+    if record.outcome == "finished":
+        return words
+    if record.outcome == "stopped" and record.reason.endswith("stopped by the operator"):
+        return f"{words}."
+    return f"{words}: {record.reason}"
 
 
 def results(analysis: RunAnalysis) -> str:
-    """Return what a test came to, in one sentence.
+    """Return what a test came to, in one sentence; empty when nothing can be said.
 
     Parameters
     ----------
     analysis : RunAnalysis
         The run and its errors.
     """
-    metrics, timing = analysis.metrics, analysis.record.timing
-    known = analysis.record.stable
-    errors = (
-        f"{name.replace('_', ' ')} {number(value if known else None)} %" for name, value in metrics.rmse_percent.items()
-    )
-    missed = "" if timing is None else f"; {timing.missed_deadlines} deadlines missed"
-    delay = f"the table is {number(metrics.tracking_delay_ms)} ms late"
-    return f"RMSE against the building without partition: {', '.join(errors)}; {delay}{missed}."
+    metrics, timing, parts = analysis.metrics, analysis.record.timing, []
+    errors = metrics.rmse_percent.items()
+    if analysis.record.stable and any(math.isfinite(value) for _, value in errors):
+        listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in errors)
+        parts.append(f"RMSE against the building without partition: {listed}")
+    if math.isfinite(metrics.tracking_delay_ms):
+        parts.append(f"the table is {number(metrics.tracking_delay_ms)} ms late")
+    if timing is not None and not analysis.config.run.lockstep:
+        parts.append(f"{timing.missed_deadlines} deadlines missed")
+    sentence = "; ".join(parts)
+    return f"{sentence[0].upper()}{sentence[1:]}." if sentence else ""
 
 
 def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
@@ -89,11 +96,10 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
     record, found = analysis.record, []
     if record.outcome != "finished":
         duration = record.steps * record.time_step
-        found.append(
-            f"Recorded is a run of {duration:g} s only (steps: {record.steps}). Errors and peaks hold for that alone."
-        )
+        what = "Errors and peaks" if record.stable else "Peaks"
+        found.append(f"Recorded is a run of {duration:g} s only (steps: {record.steps}). {what} hold for that alone.")
     if not record.stable:
-        found.append("A test that a limit ended diverged, or nearly so; its errors would say nothing and are left out.")
+        found.append("The errors are left out: the motion up to a limit says nothing about the rest of the test.")
     if analysis.metrics.missing_values:
         found.append(
             f"{analysis.metrics.missing_values} values were not recorded. They are left out of the errors; in spectra, "
@@ -101,9 +107,10 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
         )
     timing = record.timing
     if timing is not None and timing.missed_deadlines:
+        led = "" if record.stable else " This may have led to the limit."
         found.append(
             f"{timing.missed_deadlines} of {record.steps} deadlines were missed, at most "
-            f"{timing.max_consecutive_misses} in a row; the last shear was held."
+            f"{timing.max_consecutive_misses} in a row; the last shear was held.{led}"
         )
     if timing is not None and timing.late_ticks:
         found.append(f"{timing.late_ticks} steps began more than Δt late, and the schedule was moved.")
