@@ -10,7 +10,8 @@ from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP
 from bmd_rths_nodes.supervisor import Supervisor
 
-#: Longest wait for the answer of the table driver [s]; it may have to wait for the table controller itself.
+#: Longest wait for the answer of the table driver [s]; it may have to wait for the table controller itself, and is
+#: asked more than once meanwhile.
 ANSWER_TIMEOUT = 2.0
 
 _STEPS = (

@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.record import TimingStatistics, provenance
+from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
 from bmd_rths_msgs_py.story import end_metadata, start_metadata
@@ -49,7 +50,7 @@ SENT_AT_EVERY_STEP = (GROUND_ACCELERATION, DESIRED_ACCELERATION, REQUIRED_FORCE)
 TELL_STEPS = 100
 
 #: A test that is under way but silent for this long has lost its numerical substructure [s]; longer than a step of
-#: lockstep may take, and than the way of the table to rest.
+#: lockstep may take. A table that moves is waited for in addition to that.
 LONGEST_SILENCE = 6.0
 
 #: Added to the niceness of the recorder's process.
@@ -70,6 +71,7 @@ class RecorderNode(StageNode):
     def configure_stage(self, config: Config) -> None:
         """Subscribe to every topic."""
         self._motion = select_ground_motion(config.ground_motion, config.run.time_step)
+        self._ramp_time = longest_ramp(config.safety, config.run.time_step)
         self._writer: BagWriter | None = None
         self._bag = ""
         for topic in TOPICS.values():
@@ -134,6 +136,8 @@ class RecorderNode(StageNode):
     def _is_quiet(self, silence: float, end: NodeStatus) -> bool:
         """Tell whether nothing more is to be expected."""
         longest = LONGEST_SILENCE if self._table_moves or self._lacks_steps(end) else QUIET_PERIOD
+        if self._table_moves:
+            longest += self._ramp_time
         return silence > longest and self._quiet_looks > QUIET_LOOKS
 
     def _lacks_steps(self, end: NodeStatus) -> bool:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_nodes.operator_stop import OperatorStop
 from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.run_follower import RunFollower
@@ -88,10 +89,12 @@ def run_on_ros(
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
         supervisor = Supervisor(modules, parameter_file, Path(scratch))
+        operator = OperatorStop(monitor, supervisor, interrupts, log)
+        ramp_time = longest_ramp(config.safety, config.run.time_step)
         try:
-            follower = RunFollower(monitor, supervisor, OperatorStop(monitor, supervisor, interrupts, log))
+            follower = RunFollower(monitor, supervisor, operator, ramp_time)
             while (bag := follower.look()) is None:
                 on_progress(*follower.progress)
             return RecordedRun(bag, follower.problem)
         finally:
-            supervisor.stop()
+            supervisor.stop(ramp_time, lambda: operator.leaving)

@@ -6,7 +6,7 @@ import math
 import time
 from pathlib import Path
 
-from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER
+from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER
 from bmd_rths_nodes.operator_stop import OperatorStop
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.monitor import RunMonitor
@@ -20,13 +20,15 @@ START_TIMEOUT = 60.0
 
 #: Longest wait for the first words of the numerical substructure after Ctrl-C or the loss of a node [s]: on a busy
 #: machine a test may be under way before it is discovered, and its table is not at rest. Fast DDS repeats its
-#: announcements every 3 s.
+#: announcements every 3 s. A node that is discovered is waited for longer.
 HEARING_TIMEOUT = 4.0
+LONGEST_HEARING_TIMEOUT = 15.0
 
-#: Longest time until the recorder has closed its bag after the test was lost or interrupted [s].
+#: Longest time until the recorder has closed its bag after the test was lost or interrupted [s], besides the way of the
+#: table to rest.
 CLOSING_TIMEOUT = 10.0
 
-#: Time the table is given to come to rest when nothing can be recorded any more [s].
+#: The same when nothing can be recorded any more [s].
 FAREWELL_TIME = 4.0
 
 
@@ -45,6 +47,8 @@ class RunFollower:
         Their processes.
     operator : OperatorStop
         Hands on what the operator asks for.
+    ramp_time : float
+        Longest time the table needs to come to rest [s].
 
     Attributes
     ----------
@@ -52,14 +56,15 @@ class RunFollower:
         What went wrong, in words; empty while nothing has.
     """
 
-    def __init__(self, monitor: RunMonitor, supervisor: Supervisor, operator: OperatorStop) -> None:
+    def __init__(self, monitor: RunMonitor, supervisor: Supervisor, operator: OperatorStop, ramp_time: float) -> None:
         self._monitor = monitor
         self._supervisor = supervisor
         self._operator = operator
         self.problem = ""
         self._give_up = time.perf_counter() + START_TIMEOUT
-        self._hear_until = math.inf
-        self._closing = CLOSING_TIMEOUT
+        self._hear_from = math.inf
+        self._ramp_time = ramp_time
+        self._closing = ramp_time + CLOSING_TIMEOUT
 
     @property
     def progress(self) -> tuple[str, int]:
@@ -67,7 +72,12 @@ class RunFollower:
         told = self._monitor.status.get(NUMERICAL_SUBSTRUCTURE)
         if told is None or "step" not in told.values:
             return "starting", 0
-        return f"{told.state}, {told.values['missed_deadlines']} deadlines missed", int(told.values["step"])
+        words = f"{told.state}, {told.values['missed_deadlines']} deadlines missed"
+        if self._operator.asked:
+            table = self._monitor.status.get(TABLE_DRIVER)
+            moves = table is not None and table.values.get("table") == "moving"
+            words = "stopping, the table moves" if moves else "stopping, the bag is being closed"
+        return words, int(told.values["step"])
 
     def look(self) -> Path | None:
         """Hear what is told and judge it.
@@ -90,7 +100,7 @@ class RunFollower:
             return Path(recorder.values["bag"])
         if recorder is not None and recorder.state == status.TRIPPED and not self.problem:
             self.problem = f"{RECORDER}: {recorder.message}"
-            self._wait_for(FAREWELL_TIME)
+            self._wait_for(self._ramp_time + FAREWELL_TIME)
         self._judge_processes()
         if time.perf_counter() > self._give_up or self._operator.leaving:
             raise RunFailed(self.problem or self._excuse())
@@ -117,7 +127,7 @@ class RunFollower:
             undisturbed = False
             if lost.name == RECORDER:  # a test that is not recorded is of no use
                 self._supervisor.interrupt_first()
-                self._closing = FAREWELL_TIME
+                self._closing = self._ramp_time + FAREWELL_TIME
         if self._state == status.RUNNING and undisturbed:
             self._wait_for(math.inf)
         elif self._started or not (undisturbed or self._may_be_heard_of()):
@@ -127,8 +137,10 @@ class RunFollower:
     def _may_be_heard_of(self) -> bool:
         """Tell whether the numerical substructure, of which nothing was heard yet, may run a test all the same."""
         now = time.perf_counter()
-        self._hear_until = min(self._hear_until, now + HEARING_TIMEOUT)
-        return not self._state and now < self._hear_until
+        self._hear_from = min(self._hear_from, now)
+        there = NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
+        longest = LONGEST_HEARING_TIMEOUT if there else HEARING_TIMEOUT
+        return not self._state and now < self._hear_from + longest
 
     def _excuse(self) -> str:
         """Return why the run could not be brought to an end."""
@@ -140,7 +152,7 @@ class RunFollower:
             return "stopped before the test had begun"
         substructure = told.get(NUMERICAL_SUBSTRUCTURE)
         if self._started and substructure is not None:
-            return f"{substructure.message}; the recorder did not close its bag within {CLOSING_TIMEOUT:g} s"
+            return f"{substructure.message}; the recorder did not close its bag within {self._closing:.3g} s"
         waiting_for = substructure.values.get("waiting_for", "") if substructure else NUMERICAL_SUBSTRUCTURE
         notes = {peer.message for peer in told.values() if peer.state == status.WAITING} - {status.WAITING}
         why = f" ({'; '.join(sorted(notes))})" if notes else ""

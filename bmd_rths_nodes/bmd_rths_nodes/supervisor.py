@@ -7,14 +7,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
 
-#: Time a process is given to end after SIGINT before it is killed [s].
+#: Time a process is given to end after SIGINT before it is killed [s], besides the way of the table to rest.
 PATIENCE = 4.0
+
+#: Time between two looks whether they have ended [s].
+LOOK_PERIOD = 0.02
 
 
 @dataclass
@@ -84,15 +87,26 @@ class Supervisor:
         """Ask the process with the numerical substructure to end the test."""
         self.processes[0].process.send_signal(signal.SIGINT)
 
-    def stop(self) -> None:
-        """End every process: ask first, kill what does not end."""
-        for supervised in self.processes:
-            if supervised.process.poll() is None:
-                supervised.process.send_signal(signal.SIGINT)
-        give_up = time.perf_counter() + PATIENCE
-        for supervised in self.processes:
-            try:
-                supervised.process.wait(max(0.0, give_up - time.perf_counter()))
-            except subprocess.TimeoutExpired:
-                supervised.process.kill()
-                supervised.process.wait()
+    def stop(self, ramp_time: float, in_a_hurry: Callable[[], bool]) -> None:
+        """End every process: ask first, kill what does not end.
+
+        Parameters
+        ----------
+        ramp_time : float
+            Longest time the table needs to come to rest [s]; its process is not killed on the way.
+        in_a_hurry : callable
+            Tells whether nobody wants to wait that long.
+        """
+        for supervised in self._running():
+            supervised.process.send_signal(signal.SIGINT)
+        asked = time.perf_counter()
+        while self._running():
+            if time.perf_counter() > asked + PATIENCE + (0.0 if in_a_hurry() else ramp_time):
+                break
+            time.sleep(LOOK_PERIOD)
+        for supervised in self._running():
+            supervised.process.kill()
+            supervised.process.wait()
+
+    def _running(self) -> list[Supervised]:
+        return [supervised for supervised in self.processes if supervised.process.poll() is None]

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -88,6 +88,18 @@ class Child:
 
     def interrupt(self):
         self.process.send_signal(signal.SIGINT)
+
+    def wait_for_words(self, words, timeout=60.0):
+        """Wait until it has written something to standard error; show what it wrote instead, if it did not."""
+
+        def written():
+            ended = self.process.poll() is not None
+            return words in self.errors.read_text() or ended
+
+        with suppress(AssertionError):
+            wait_until(written, timeout)
+        told = self.errors.read_text()
+        assert words in told, f"status {self.process.poll()}:\n{told}"
 
 
 def end(children):

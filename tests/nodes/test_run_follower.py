@@ -8,7 +8,17 @@ import pytest
 from bmd_rths_nodes import run_follower
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.status import NodeStatus
-from bmd_rths_nodes.run_follower import CLOSING_TIMEOUT, FAREWELL_TIME, HEARING_TIMEOUT, RunFailed, RunFollower
+from bmd_rths_nodes.run_follower import (
+    CLOSING_TIMEOUT,
+    FAREWELL_TIME,
+    HEARING_TIMEOUT,
+    LONGEST_HEARING_TIMEOUT,
+    RunFailed,
+    RunFollower,
+)
+
+#: Longest way of the table to rest [s].
+RAMP = 2.5
 
 LOST = "shear_estimator ended with status -9: it wrote nothing"
 
@@ -18,6 +28,7 @@ class Run:
 
     def __init__(self, **events):
         self.now, self.status, self.interrupted, self._lost = 0.0, {}, False, None
+        self.discovered = []
         self.operator = SimpleNamespace(asked=False, leaving=False, update=lambda: None)
         self._events = {float(name.removeprefix("at_")): event for name, event in events.items()}
 
@@ -26,6 +37,9 @@ class Run:
         self.now += seconds
         for when in [when for when in self._events if when <= self.now]:
             self._events.pop(when)(self)
+
+    def nodes_there(self):
+        return self.discovered
 
     def lost(self):
         return self._lost
@@ -56,7 +70,7 @@ def follow(monkeypatch):
 
     def follow_run(run):
         monkeypatch.setattr(run_follower, "time", SimpleNamespace(perf_counter=lambda: run.now))
-        follower = RunFollower(run, run, run.operator)
+        follower = RunFollower(run, run, run.operator, RAMP)
         try:
             while (bag := follower.look()) is None:
                 pass
@@ -98,7 +112,7 @@ def test_node_that_is_lost_before_the_test_ends_the_run_at_once(follow):
 def test_bag_of_a_lost_run_is_waited_for_once(follow):
     outcome, _, when = follow(Run(at_1=RUNS, at_2=loses("shear_estimator")))
     assert outcome == LOST
-    assert when == pytest.approx(2.0 + CLOSING_TIMEOUT, abs=0.2)
+    assert when == pytest.approx(2.0 + RAMP + CLOSING_TIMEOUT, abs=0.2)
 
 
 def test_without_its_recorder_the_test_is_ended_and_the_table_has_time_to_come_to_rest(follow):
@@ -106,7 +120,7 @@ def test_without_its_recorder_the_test_is_ended_and_the_table_has_time_to_come_t
     outcome, _, when = follow(run)
     assert outcome == "recorder ended with status -9: it wrote nothing"
     assert run.interrupted
-    assert when == pytest.approx(2.0 + FAREWELL_TIME, abs=0.2)
+    assert when == pytest.approx(2.0 + RAMP + FAREWELL_TIME, abs=0.2)
 
 
 def test_ctrl_c_before_anything_was_heard_waits_for_a_test_that_may_be_under_way(follow):
@@ -119,3 +133,27 @@ def test_ctrl_c_before_anything_was_heard_waits_for_a_test_that_may_be_under_way
     outcome, _, when = follow(Run(at_2=asks))
     assert outcome == "stopped before the test had begun"
     assert when == pytest.approx(2.0 + HEARING_TIMEOUT, abs=0.2)
+
+
+def test_numerical_substructure_that_is_discovered_is_waited_for_longer(follow):
+    run = Run(at_2=loses("shear_estimator"), at_12=RUNS, at_20=ENDS)
+    run.discovered = ["numerical_substructure"]
+    assert follow(run)[:2] == (Path("the_bag"), LOST)
+    run = Run(at_2=loses("shear_estimator"))
+    run.discovered = ["numerical_substructure"]
+    outcome, _, when = follow(run)
+    assert outcome == LOST
+    assert when == pytest.approx(2.0 + LONGEST_HEARING_TIMEOUT, abs=0.2)
+
+
+def test_what_a_stopped_run_waits_for_is_said():
+    run = Run()
+    follower = RunFollower(run, run, run.operator, RAMP)
+    assert follower.progress == ("starting", 0)
+    run.tell("numerical_substructure", status.RUNNING)
+    assert follower.progress == ("running, 0 deadlines missed", 5)
+    run.operator.asked = True
+    run.tell("table_driver", status.TRIPPED, table="moving")
+    assert follower.progress == ("stopping, the table moves", 5)
+    run.tell("table_driver", status.TRIPPED, table="at rest")
+    assert follower.progress == ("stopping, the bag is being closed", 5)

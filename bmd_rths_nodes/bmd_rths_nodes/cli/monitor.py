@@ -23,8 +23,10 @@ from bmd_rths_nodes.snapshot import COUNTS, take_snapshot
 #: Time between two pictures [s]; nodes tell their status once a second while a test runs.
 _PERIOD = 0.25
 
-#: Longest wait for a status of every node [s]; each tells it once a second.
-_LONGEST_WAIT = 3.0
+#: Longest wait for a node that is not discovered yet [s], since the last one was heard of: Fast DDS repeats its
+#: announcements every 3 s. A node that is discovered tells its status once a second, and is waited for longer.
+_DISCOVERY_WAIT = 4.0
+_LONGEST_WAIT = 15.0
 
 #: A node that has told nothing for this long is shown as silent [s].
 _SILENT = 2.5
@@ -56,9 +58,7 @@ def monitor(once: bool, as_json: bool) -> int:
 
 def _print_once(run: RunMonitor, as_json: bool) -> int:
     """Wait until every role of a run has told its status, or for what there is, and print it."""
-    give_up = time.perf_counter() + _LONGEST_WAIT
-    while time.perf_counter() < give_up and not set(ROLES) <= set(run.status):
-        run.update(0.05)
+    _listen_until_all_have_told(run)
     snapshot = _snapshot(run)
     if not snapshot["nodes"]:
         log(f"error: {_nothing()}")
@@ -68,6 +68,19 @@ def _print_once(run: RunMonitor, as_json: bool) -> int:
     else:
         Console().print(_page(snapshot))
     return 0
+
+
+def _listen_until_all_have_told(run: RunMonitor) -> None:
+    """Listen to every role of a run, or to those of which anything is discovered."""
+    heard, since = 0, time.perf_counter()
+    while not set(ROLES) <= set(run.status):
+        run.update(0.05)
+        now = time.perf_counter()
+        if len(run.status) > heard:
+            heard, since = len(run.status), now
+        silent = set(run.nodes_there()) - set(run.status)
+        if now > since + (_LONGEST_WAIT if silent else _DISCOVERY_WAIT):
+            return
 
 
 def _nothing() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 
 from rclpy.node import Node
@@ -11,6 +12,10 @@ from std_srvs.srv import Trigger
 from bmd_rths_msgs_py.topics import NAMESPACE
 
 STOP, EMERGENCY_STOP, RESET = "stop", "emergency_stop", "reset"
+
+#: Time after which a request without an answer is sent again [s]. The middleware repeats what was lost after up to 3 s,
+#: or as soon as there is more to send; what was sent before the node was found it does not repeat at all.
+REPEAT_PERIOD = 0.5
 
 
 class Refused(Exception):
@@ -44,7 +49,9 @@ def _handler(action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Re
 
 
 class TriggerClients:
-    """The services of another node, called without waiting for the answer.
+    """The services of another node, called without waiting for the answer, again and again until there is one.
+
+    Only for services that may be called twice.
 
     Parameters
     ----------
@@ -58,7 +65,8 @@ class TriggerClients:
 
     def __init__(self, node: Node, role: str, *names: str) -> None:
         self._clients = {name: node.create_client(Trigger, f"/{NAMESPACE}/{role}/{name}") for name in names}
-        self._calls: list[Future] = []
+        self._calls: dict[str, list[Future]] = {}
+        self._repeat_due = 0.0
 
     def call(self, name: str) -> None:
         """Call a service; nobody need be there.
@@ -68,10 +76,21 @@ class TriggerClients:
         name : str
             Its name.
         """
-        self._calls.append(self._clients[name].call_async(Trigger.Request()))
+        self._calls[name] = []
+        self._repeat_due = 0.0
 
     def answers(self) -> list[str]:
-        """Return the answers that have come since the last look."""
-        done = [call for call in self._calls if call.done()]
-        self._calls = [call for call in self._calls if not call.done()]
-        return [call.result().message for call in done]
+        """Return the answers that have come since the last look, one for each call; to be called often."""
+        answers = []
+        for name, futures in list(self._calls.items()):
+            answer = next((future.result().message for future in futures if future.done()), None)
+            if answer is not None:
+                answers.append(answer)
+                for future in self._calls.pop(name):
+                    self._clients[name].remove_pending_request(future)
+        now = time.perf_counter()
+        if now >= self._repeat_due:
+            self._repeat_due = now + REPEAT_PERIOD
+            for name, futures in self._calls.items():
+                futures.append(self._clients[name].call_async(Trigger.Request()))
+        return answers
