@@ -54,6 +54,7 @@ def test_one_record_is_a_campaign_too(folder):
     [
         ("a.csv,x,g,more\n", "line 1: 'a.csv,x,g,more'; file[,component[,unit]] is required"),
         ("Kobe/a.csv\nnone.csv\n", "line 2: .*none.csv"),
+        ("b.csv\nKobe/a.csv\nb.csv, # again\n", "line 3: 'b.csv, # again' stands in line 1 already"),
         ("several.V2A\n", "line 1: .*3 components"),
         ("# nothing\n", "no ground motion"),
     ],

@@ -113,8 +113,9 @@ def test_study_that_ran_before_is_not_run_again(run_main, records, monkeypatch):
         raise AssertionError(piece)
 
     monkeypatch.setattr("bmd_rths_nodes.campaign_pool.run_piece", not_again)
-    _, again, _ = run_main(*arguments, "--schemes", "uc,plc", "--json")
+    _, again, errors = run_main(*arguments, "--schemes", "uc,plc", "--json")
     assert again == more
+    assert errors.endswith("8 of 8 runs were in out/campaign.csv already\n")
     assert [run for run in runs_of(more) if run["scheme"] == "uc"] == runs_of(first)
 
 

@@ -77,6 +77,17 @@ def test_bag_is_identified_without_driving(run_main, tmp_path):
     assert result["specimen"]["frequencies_hz"][0] == pytest.approx(5.94 * math.sqrt(1.049), abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [((), "no_bag: "), (("--amplitude", 2), "--amplitude, --bag: not together; the motion is that of the bag")],
+)
+def test_wrong_bag_and_options_that_would_say_how_to_move_are_refused(run_main, arguments, expected):
+    status, output, errors = run_main("identify", CONFIG, "--bag", "no_bag", *arguments)
+    assert (status, output) == (2, "")
+    assert expected in errors
+    assert errors.count("\n") == 1
+
+
 def test_table_for_a_person(run_main):
     status, output, _ = run_main("identify", CONFIG, *SHORT, "--order", 3)
     assert status == 0
@@ -108,7 +119,7 @@ def test_command_over_the_safety_limit_has_status_1(run_main):
         (("--output", "no/such/model.yaml"), "no such folder"),
         (("--what", "specimen", "--frf", "a.csv"), "--frf"),
         (("--model", "none.yaml"), "none.yaml: cannot be read"),
-        (("--bag", "no_bag"), "no_bag"),
+        (("--bag", "no_bag"), "--duration, --bag: not together"),
     ],
 )
 def test_wrong_input_is_one_line_with_status_2(run_main, arguments, expected):

@@ -111,6 +111,10 @@ def test_test_that_was_ended_at_once_has_a_report_that_says_so(run_main, record,
     assert re.search(r"J7 peak error, interface \[%\]\s*–", page.text)
     delay = re.search(r"J1 tracking delay \[ms\]\s*([\d.–]+)", page.text).group(1)
     assert (delay == "–") == (" ms late" not in page.text)
+    _, output, _ = run_main("analyze", bag, "--json")
+    criteria = json.loads(output)["benchmark_criteria"]
+    told = {symbol: value for symbol, value in criteria.items() if value is not None}
+    assert told == ({} if delay == "–" else {"J1": pytest.approx(float(delay), abs=0.005)})
     assert page.tags.count("figure") == (5 if steps >= 3 else 0)
 
 

@@ -77,7 +77,8 @@ def read_motions(path: str | Path) -> MotionSet:
     Raises
     ------
     InputError
-        There is no such file or folder, a record of a list cannot be read, or there is nothing to run.
+        There is no such file or folder, a record of a list cannot be read or is there twice, or there is nothing to
+        run.
     """
     path = Path(path)
     if path.is_dir():
@@ -102,7 +103,8 @@ def _of_folder(folder: Path) -> MotionSet:
 
 
 def _of_list(file: RecordFile) -> list[CampaignMotion]:
-    motions = []
+    motions: list[CampaignMotion] = []
+    lines: dict[tuple[str, str, str], int] = {}
     for number, line in enumerate(file.lines, 1):
         cells = [cell.strip() for cell in line.partition("#")[0].split(",")]
         if cells == [""]:
@@ -115,6 +117,9 @@ def _of_list(file: RecordFile) -> list[CampaignMotion]:
             motions.append(_motion(record, component or ONLY, unit or FROM_FILE))
         except InputError as error:
             raise file.error(number, str(error)) from error
+        first = lines.setdefault(motions[-1][:3], number)
+        if first != number:
+            raise file.error(number, f"{line.strip()!r} stands in line {first} already; each motion is run once")
     return motions
 
 

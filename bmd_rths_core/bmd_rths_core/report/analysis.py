@@ -48,6 +48,12 @@ class RunAnalysis:
     ductility: tuple[float, ...] | None
 
     @property
+    def told_criteria(self) -> dict[str, float | None]:
+        """The criteria by ``J1``, ``J2`` and so on; of a run that a limit ended the delay J1 alone means anything."""
+        known = self.criteria.by_symbol()
+        return {symbol: value if self.record.stable or symbol == "J1" else None for symbol, value in known.items()}
+
+    @property
     def lower(self) -> int:
         """Number of stories of the numerical substructure."""
         return len(self.config.numerical_substructure.masses)

@@ -116,13 +116,15 @@ def campaign(
     with contextlib.closing(CampaignResults(output)) as results:
         bags = _prepared(output / "bags") if with_bags or on_ros else None
         try:
-            keys = _run(study, results, bags, jobs, scheduler)
+            keys, done = _run(study, results, bags, jobs, scheduler)
         except BrokenProcessPool:
             log("error: a process of the campaign was killed; the same command goes on where it was")
             return 1
         except CampaignStopped as stop:
             log(f"{stop}; what is finished stays, the same command goes on where it was")
             return 1
+        if done:
+            log(f"{done} of {len(keys)} runs were in {results.path} already")
         told = (_told(results.read(key), bags) for key in keys)
         parquet = results.write_parquet()
         if as_json:
@@ -135,8 +137,8 @@ def campaign(
 
 def _run(
     study: Study, results: CampaignResults, bags: Path | None, jobs: int | None, scheduler: str | None
-) -> list[str]:
-    """Run what has no result yet, and return the keys of all runs in their order."""
+) -> tuple[list[str], int]:
+    """Run what has no result yet; return the keys of all runs in their order, and how many were not run again."""
     keys: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with progress_bar(*columns) as progress:
@@ -152,10 +154,12 @@ def _run(
             finished = in_process(pending, run)
         else:
             finished = in_processes(pending, run, processes)
+        ran = 0
         for piece in finished:
+            ran += len(piece)
             results.append(result for result in piece if result["key"] not in results)
             progress.advance(task, len(piece))
-    return keys
+    return keys, len(keys) - ran
 
 
 def _study_on_ros(

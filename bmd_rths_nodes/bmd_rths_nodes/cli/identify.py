@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.table import Table
@@ -69,6 +70,8 @@ def identify(
     Moves the table with noise or a sweep of limited acceleration, from rest to rest, and fits models to the measured
     accelerations. Begin with a small amplitude: a resonance multiplies it. With --bag nothing moves.
     """
+    if bag is not None:
+        _refuse_excitation()
     resolved = choice.resolve(**({} if seed is None else {"run__seed": seed}))
     fixed_order = _order(order)
     if frf is not None and what == "specimen":
@@ -101,6 +104,14 @@ def identify(
     result["files"] = _write(output, frf, table, specimen, result)
     _show(result, as_json)
     return 0
+
+
+def _refuse_excitation() -> None:
+    """Refuse options that say how the table is moved, where nothing moves."""
+    context = click.get_current_context()
+    for name in ("excitation", "amplitude", "duration", "stroke", "seed", "table"):
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise InputError(f"--{name}, --bag: not together; the motion is that of the bag")
 
 
 def _drive(config: Config, excited: ExcitationSettings) -> Responses:

@@ -107,12 +107,15 @@ def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | Non
         progress_bar(*columns, TimeElapsedColumn()) as progress,
     ):
         task = progress.add_task(f"waiting for {', '.join(peers)}", total=record.steps)
+        log(f"waiting until {', '.join(peers)} are ready (Ctrl-C ends)")
         try:
             playback.wait_for(peers, interrupts)
         except NotReady as error:
             log(f"error: {error}; without a recorder they need run.record:=false")
             return 1
         progress.update(task, description=record.motion["name"])
+        if not interrupts:
+            log(f"playing {record.steps} steps, {record.steps * record.time_step / rate:.3g} s")
         playback.play(rate, interrupts, lambda steps: progress.update(task, completed=steps))
     if interrupts:
         log("stopped")

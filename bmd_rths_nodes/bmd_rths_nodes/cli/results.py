@@ -29,7 +29,6 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         The object of ``--json``. Errors of a run that a limit ended are None.
     """
     record, metrics = analysis.record, analysis.metrics
-    criteria = analysis.criteria.by_symbol()
     result = {
         "scheme": record.configuration["run"]["scheme"],
         "table": record.configuration["table"]["controller"],
@@ -43,7 +42,7 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         "rmse_percent": metrics.rmse_percent if record.stable else dict.fromkeys(metrics.rmse_percent),
         "floor_rmse_percent": list(metrics.floor_rmse_percent) if record.stable else None,
         "tracking_delay_ms": metrics.tracking_delay_ms,
-        "benchmark_criteria": criteria if record.stable else dict.fromkeys(criteria),
+        "benchmark_criteria": analysis.told_criteria,
         "table_peaks": analysis.peaks._asdict(),
         "missing_values": metrics.missing_values,
     }

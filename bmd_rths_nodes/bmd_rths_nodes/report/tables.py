@@ -41,11 +41,7 @@ def criteria_table(analyses: Mapping[str, RunAnalysis]) -> Table:
     floors = ("interface", *(f"specimen floor {i}" for i in range(1, count)))
     names = [*_J, *(f"J{4 + i} error, {floor} [%]" for i, floor in enumerate(floors))]
     names += [f"J{4 + count + i} peak error, {floor} [%]" for i, floor in enumerate(floors)]
-    columns = [
-        [value if analysis.record.stable or symbol == "J1" else None for symbol, value in symbols]
-        for analysis in analyses.values()
-        for symbols in (analysis.criteria.by_symbol().items(),)
-    ]
+    columns = [analysis.told_criteria.values() for analysis in analyses.values()]
     rows = zip(names, *columns, strict=True)
     return Table(("criterion", *analyses), tuple((name, *(number(v, 2) for v in values)) for name, *values in rows))
 
