@@ -87,7 +87,7 @@ class NumericalSubstructureNode(StageNode):
         self._feedback = 0.0
         self._due = math.inf
         self._recorded_steps = 0
-        self._waits_for_recorder = False
+        self._closed = self._waits_for_recorder = False
         self._outcome = ""
         self._trip: Trip | None = None
 
@@ -139,6 +139,8 @@ class NumericalSubstructureNode(StageNode):
                 self._start(now)
             elif self.state != status.RUNNING:  # a peer was lost between the decision to start and the start
                 self._due = math.inf
+            elif self._lockstep and self._closed and not self._waits_for_recorder:
+                self._begin_step_when_recorded()
             elif self._lockstep:
                 late = f"was not recorded within {RECORDING_TIMEOUT:g} s"
                 stuck = f"did not close within {LOCKSTEP_TIMEOUT:g} s"
@@ -201,8 +203,10 @@ class NumericalSubstructureNode(StageNode):
             return
         # A shear that comes too late is a missed deadline, but still newer than the one that is held.
         self._feedback = force
-        if self._deadlines.closed(step, time.perf_counter()) and self._lockstep:
-            self._begin_step_when_recorded()
+        now = time.perf_counter()
+        if self._deadlines.closed(step, now) and self._lockstep:
+            self._closed = True
+            self._due = now
 
     def _begin_step_when_recorded(self) -> None:
         """Begin the next step of lockstep unless the recorder is far behind: it would lose what nobody keeps."""
@@ -210,6 +214,7 @@ class NumericalSubstructureNode(StageNode):
         lead = self._step - self._recorded_steps
         self._waits_for_recorder = self.config.run.record and lead > LONGEST_LEAD
         if not self._waits_for_recorder:
+            self._closed = False
             self._begin_step()
         elif not waited:
             self._due = time.perf_counter() + RECORDING_TIMEOUT

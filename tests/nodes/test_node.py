@@ -333,7 +333,7 @@ import sys
 from bmd_rths_nodes.composition import LOOP_NODES
 from bmd_rths_nodes.ros import spin, stage_node
 
-spin._spin = lambda executor, nodes, signals: None
+spin._spin = lambda *arguments: None
 for name in ("stop_stage", "say_farewell"):
     for node_type in LOOP_NODES:
         def tell(node, name=name, done=getattr(node_type, name)):

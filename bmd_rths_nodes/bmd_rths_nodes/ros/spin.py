@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.ending_signals import ending_signals
+from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.stage_node import StageNode
 
 #: A wait in the middleware ends up to this late [s]; the rest is waited for by looking at the clock.
@@ -59,10 +60,11 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     except (rclpy_implementation.RCLError, ROSInterruptException) as error:
         return _refuse(str(error))
     nodes: list[StageNode] = []
+    intra_process = IntraProcess([node_type.ROLE for node_type in node_types])
     try:
         executor = EventsExecutor()
         for node_type in node_types:
-            nodes.append(node_type())
+            nodes.append(node_type(intra_process))
             executor.add_node(nodes[-1])
         for node in nodes:
             problem = _autostart(node)
@@ -71,20 +73,23 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         # What lives now lives to the end; the collector need not look at it during a step.
         gc.collect()
         gc.freeze()
-        _spin(executor, nodes, signals)
+        _spin(executor, nodes, intra_process, signals)
         return 0
     except InputError as error:
         return _refuse(str(error))
     finally:
         for node in nodes:  # every one of them before any waits
             node.make_safe()
+        intra_process.publish()
         for node in nodes:
             node.say_farewell()
             node.destroy_node()
         rclpy.try_shutdown()
 
 
-def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signals: list[int]) -> None:
+def _spin(
+    executor: rclpy.executors.Executor, nodes: Sequence[StageNode], intra_process: IntraProcess, signals: list[int]
+) -> None:
     clock = time.perf_counter
     give_up = math.inf
     supervisor = os.environ.get(SUPERVISOR_VARIABLE)
@@ -95,6 +100,9 @@ def _spin(executor: rclpy.executors.Executor, nodes: Sequence[StageNode], signal
             if now >= give_up or not any(node.wants_more_time() for node in nodes):
                 return
         due = min(node.poll(now) for node in nodes)
+        if intra_process.deliver():
+            executor.spin_once(timeout_sec=0.0)  # in lockstep there is always more to deliver
+            continue
         wait = due - clock()
         if wait > WAKE_UP_MARGIN:
             executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))

@@ -23,6 +23,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.topics import MEASUREMENT, NAMESPACE, RECORDER, Topic
 from bmd_rths_nodes.ros import qos, status, triggers
+from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration
 from bmd_rths_nodes.ros.status import NodeStatus
 
@@ -45,6 +46,11 @@ class StageNode(LifecycleNode, ABC):
 
     Subclasses name their role and sections, make their stage and topics in `configure_stage`, and forget the past in
     `reset_stage`. Everything is driven by the messages and by `poll`, which the spin loop calls; there are no timers.
+
+    Parameters
+    ----------
+    intra_process : IntraProcess
+        Nodes of the same process, which get their messages from there.
     """
 
     ROLE: ClassVar[str]
@@ -53,8 +59,9 @@ class StageNode(LifecycleNode, ABC):
     steps: int
     _steps_told: int
 
-    def __init__(self) -> None:
+    def __init__(self, intra_process: IntraProcess) -> None:
         super().__init__(self.ROLE, namespace=NAMESPACE)
+        self._intra_process = intra_process
         self.config: Config = read_configuration(self)
         declare_configuration(self, self.config, self.SECTIONS)
         self.declare_parameter(
@@ -68,7 +75,7 @@ class StageNode(LifecycleNode, ABC):
         self.configured = False
         self._publishers_of: list[tuple[Topic, Publisher]] = []
         self._subscriptions_of: list[Subscription] = []
-        self._inputs: list[Subscription] = []
+        self._inputs: list[tuple[str, Callable[[], int]]] = []
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
         self._last_words = False
@@ -119,7 +126,8 @@ class StageNode(LifecycleNode, ABC):
         """Create the publisher of a topic and return a function that sends the value of a step."""
         publisher = self.create_publisher(message_class(topic), topic.name, qos.PUBLISHER)
         self._publishers_of.append((topic, publisher))
-        publish, pack = publisher.publish, codec_of(topic, self.config).pack
+        publish = self._intra_process.sender(topic.name, publisher.publish)
+        pack = codec_of(topic, self.config).pack
         time_step_ns = self.config.run.time_step_ns
 
         def send(step: int, value: Any) -> None:
@@ -162,9 +170,14 @@ class StageNode(LifecycleNode, ABC):
             self.steps += 1
             step(index, value)
 
+        if self._intra_process.has(topic.producer):
+            self._intra_process.subscribe(name, self.ROLE, on_message)
+            self._inputs.append((topic.full_name, lambda: self.count_publishers(topic.full_name)))
+            return
         in_real_time = qos.NEWEST if newest_only else qos.STAGE
         profile = qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time
-        self._inputs.append(self.subscribe_raw(topic, on_message, profile))
+        subscription = self.subscribe_raw(topic, on_message, profile)
+        self._inputs.append((topic.full_name, subscription.get_publisher_count))
 
     def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
         """Subscribe to the bytes of a topic."""
@@ -312,18 +325,20 @@ class StageNode(LifecycleNode, ABC):
         for topic, publisher in self._publishers_of:
             readers = self.get_subscriptions_info_by_topic(publisher.topic_name)
             needed = {role for role in topic.consumers if role != RECORDER or self.config.run.record}
+            needed -= self._intra_process.consumers(topic.name)
             if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
                 return False
         if self._disturbance():
             return False
-        return all(subscription.get_publisher_count() > 0 for subscription in self._subscriptions_of)
+        heard = (subscription.get_publisher_count() for subscription in self._subscriptions_of)
+        return all(heard) and all(count_publishers() for _, count_publishers in self._inputs)
 
     def _disturbance(self) -> str:
         """Return which input of this node has more than one publisher, in words; empty when none has."""
-        for subscription in self._inputs:
-            count = subscription.get_publisher_count()
+        for topic_name, count_publishers in self._inputs:
+            count = count_publishers()
             if count > 1:
-                return f"{subscription.topic_name} has {count} publishers, one is allowed"
+                return f"{topic_name} has {count} publishers, one is allowed"
         return ""
 
     def _count_malformed(self, topic: Topic, problem: str) -> None:
@@ -342,6 +357,8 @@ class StageNode(LifecycleNode, ABC):
         return SetParametersResult(successful=True)
 
     def _destroy_topics(self) -> None:
+        self._intra_process.publish()
+        self._intra_process.unsubscribe(self.ROLE)
         for _, publisher in self._publishers_of:
             self.destroy_publisher(publisher)
         for subscription in self._subscriptions_of:
