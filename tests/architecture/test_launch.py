@@ -11,7 +11,15 @@ import pytest
 from bmd_rths_core.config import Config
 
 FOLDER = Path(__file__).parents[2] / "bmd_rths_nodes"
-GIVEN = {"config": "my.yaml", "scheme": "", "motion": "", "component": "", "table": "", "record": "true"}
+GIVEN = {
+    "config": "my.yaml",
+    "scheme": "",
+    "motion": "",
+    "component": "",
+    "table": "",
+    "record": "true",
+    "composed": "false",
+}
 LOOP = {"numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction"}
 
 
@@ -56,8 +64,11 @@ def test_arguments(launch_file):
 
 def test_every_executable_exists(nodes):
     started = nodes()
-    assert set(started) == {*LOOP, "recorder"} == {path.name for path in (FOLDER / "scripts").iterdir()}
-    assert {node.package for node in started.values()} == {"bmd_rths_nodes"}
+    composed = nodes(composed="true")
+    assert set(started) == {*LOOP, "recorder"}
+    assert set(composed) == {"composed_loop", "recorder"}
+    assert started.keys() | composed.keys() == {path.name for path in (FOLDER / "scripts").iterdir()}
+    assert {node.package for node in (*started.values(), *composed.values())} == {"bmd_rths_nodes"}
 
 
 def test_without_arguments_the_file_decides(nodes):
@@ -84,8 +95,10 @@ def test_arguments_become_parameters(nodes):
         ("table_driver", -9, False),  # the numerical substructure notices, and tells how the test ended
         ("table_driver", 2, True),  # it never started, and the others would wait for it
         ("recorder", 2, True),
+        ("composed_loop", -9, True),
     ],
 )
 def test_whose_exit_ends_the_others(nodes, executable, status, ends):
-    action = nodes()[executable].on_exit(SimpleNamespace(returncode=status), None)
+    started = nodes() | nodes(composed="true")
+    action = started[executable].on_exit(SimpleNamespace(returncode=status), None)
     assert action == (f"{executable} ended" if ends else None)

@@ -4,13 +4,17 @@ import json
 
 import pytest
 from geometry_msgs.msg import AccelStamped
+from lifecycle_msgs.msg import Transition
 from rclpy.qos import QoSProfile
 
+from bmd_rths_core.config import Config, dump_config
+from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import COMMAND, ROLES, SCALAR_TOPICS
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, wait_until
+from tests.nodes.conftest import CONFIG, change_state, wait_until
 
 
 class Chain:
@@ -104,3 +108,30 @@ def test_composed_nodes_publish_for_everybody_take_from_nobody_and_do_not_go_on_
     assert len(sent) > 100
     for step, message in sent.items():
         assert message.accel.linear.x == record.command[step]
+
+
+def test_composed_nodes_are_managed_one_by_one_and_find_each_other_again(client, start, tmp_path):
+    parameters = tmp_path / "parameters.yaml"
+    config = Config().changed(
+        run__lockstep=True, ground_motion__duration=1.0, recorder__directory=str(tmp_path / "bags")
+    )
+    parameters.write_text(dump_config(config))
+    for module in ("composition", "recorder_node"):
+        start("-m", f"bmd_rths_nodes.{module}", "--ros-args", "--params-file", parameters)
+    expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+
+    def recorded():
+        return [f.parent for f in (tmp_path / "bags").glob("*/metadata.yaml") if "end of the ground" in f.read_text()]
+
+    wait_until(lambda: len(recorded()) == 1)
+    for transition in (
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+        Transition.TRANSITION_CONFIGURE,
+        Transition.TRANSITION_ACTIVATE,
+    ):
+        for role in ROLES:
+            assert change_state(client, transition, role)
+    wait_until(lambda: len(recorded()) == 2)
+    for bag in recorded():
+        assert read_bag(bag).same_signals(expected)
