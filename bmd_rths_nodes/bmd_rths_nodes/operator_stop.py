@@ -10,8 +10,8 @@ from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP
 from bmd_rths_nodes.supervisor import Supervisor
 
-#: Longest wait for the answer of the table driver [s]; it may have to wait for the table controller itself, and is
-#: asked more than once meanwhile.
+#: Longest wait for the answer of the table driver [s], which is asked more than once meanwhile. At an emergency stop it
+#: waits for the table controller itself.
 ANSWER_TIMEOUT = 2.0
 
 _STEPS = (
@@ -33,16 +33,25 @@ class OperatorStop:
         Signals that have come; grows meanwhile.
     log : callable
         Tells a person a line.
+    halt_time : float
+        Longest time the table controller needs to confirm an emergency stop [s].
     """
 
     def __init__(
-        self, monitor: RunMonitor, supervisor: Supervisor, interrupts: Sequence[int], log: Callable[[str], None]
+        self,
+        monitor: RunMonitor,
+        supervisor: Supervisor,
+        interrupts: Sequence[int],
+        log: Callable[[str], None],
+        halt_time: float,
     ) -> None:
         self._monitor = monitor
         self._supervisor = supervisor
         self._interrupts = interrupts
         self._log = log
+        self._halt_time = halt_time
         self._taken = 0
+        self._asked_last = ""
         self._answer_due = math.inf
 
     @property
@@ -62,10 +71,13 @@ class OperatorStop:
             self._taken += 1
             self._log(words)
             self._monitor.table.call(service)
-            self._answer_due = time.perf_counter() + ANSWER_TIMEOUT
-        for answer in self._monitor.table.answers():
+            self._asked_last = service
+            halt_time = self._halt_time if service == EMERGENCY_STOP else 0.0
+            self._answer_due = time.perf_counter() + ANSWER_TIMEOUT + halt_time
+        for service, answer in self._monitor.table.update():
             self._log(f"table driver: {answer}")
-            self._answer_due = math.inf
+            if service == self._asked_last:
+                self._answer_due = math.inf
         if time.perf_counter() > self._answer_due:
             self._answer_due = math.inf
             self._log("the table driver does not answer; the numerical substructure is asked to end the test")

@@ -71,7 +71,7 @@ class RecorderNode(StageNode):
     def configure_stage(self, config: Config) -> None:
         """Subscribe to every topic."""
         self._motion = select_ground_motion(config.ground_motion, config.run.time_step)
-        self._ramp_time = longest_ramp(config.safety, config.run.time_step)
+        self._time_to_rest = longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
         self._writer: BagWriter | None = None
         self._bag = ""
         for topic in TOPICS.values():
@@ -128,17 +128,18 @@ class RecorderNode(StageNode):
             self._quiet_looks += 1
             if self._end is not None and self._is_quiet(silence, self._end):
                 self._close_as_told(self._end)
-            elif self._end is None and self.steps > 0 and silence > LONGEST_SILENCE:
+            elif self._end is None and self.steps > 0 and silence > self._longest_silence():
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return min(super().poll(now), self._flush_due)
         return super().poll(now)
 
     def _is_quiet(self, silence: float, end: NodeStatus) -> bool:
         """Tell whether nothing more is to be expected."""
-        longest = LONGEST_SILENCE if self._table_moves or self._lacks_steps(end) else QUIET_PERIOD
-        if self._table_moves:
-            longest += self._ramp_time
+        longest = self._longest_silence() if self._table_moves or self._lacks_steps(end) else QUIET_PERIOD
         return silence > longest and self._quiet_looks > QUIET_LOOKS
+
+    def _longest_silence(self) -> float:
+        return LONGEST_SILENCE + (self._time_to_rest if self._table_moves else 0.0)
 
     def _lacks_steps(self, end: NodeStatus) -> bool:
         """Tell whether messages of an ended test may still come: what got lost is sent again after 3 s only."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_nodes.domain_lock import domain_lock
 from bmd_rths_nodes.operator_stop import OperatorStop
 from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.run_follower import RunFollower
@@ -79,22 +80,21 @@ def run_on_ros(
     RunFailed
         There is no bag that was closed.
     """
-    others = monitor.nodes_already_there()
-    if others:
-        raise InputError(
-            f"another run is active on this ROS domain ({', '.join(others)}); "
-            "end it, or set ROS_DOMAIN_ID to a free domain"
-        )
-    with tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
+    with domain_lock() as free, tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
+        others = ", ".join(monitor.nodes_already_there()) if free else "bmd-rths on this computer"
+        if others:
+            raise InputError(
+                f"another run is active on this ROS domain ({others}); end it, or set ROS_DOMAIN_ID to a free domain"
+            )
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
         supervisor = Supervisor(modules, parameter_file, Path(scratch))
-        operator = OperatorStop(monitor, supervisor, interrupts, log)
-        ramp_time = longest_ramp(config.safety, config.run.time_step)
+        operator = OperatorStop(monitor, supervisor, interrupts, log, config.table.halt_time)
+        time_to_rest = longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
         try:
-            follower = RunFollower(monitor, supervisor, operator, ramp_time)
+            follower = RunFollower(monitor, supervisor, operator, time_to_rest)
             while (bag := follower.look()) is None:
                 on_progress(*follower.progress)
             return RecordedRun(bag, follower.problem)
         finally:
-            supervisor.stop(ramp_time, lambda: operator.leaving)
+            supervisor.stop(0.0 if operator.leaving else time_to_rest, interrupts, log)

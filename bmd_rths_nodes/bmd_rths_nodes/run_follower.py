@@ -47,7 +47,7 @@ class RunFollower:
         Their processes.
     operator : OperatorStop
         Hands on what the operator asks for.
-    ramp_time : float
+    time_to_rest : float
         Longest time the table needs to come to rest [s].
 
     Attributes
@@ -56,15 +56,17 @@ class RunFollower:
         What went wrong, in words; empty while nothing has.
     """
 
-    def __init__(self, monitor: RunMonitor, supervisor: Supervisor, operator: OperatorStop, ramp_time: float) -> None:
+    def __init__(
+        self, monitor: RunMonitor, supervisor: Supervisor, operator: OperatorStop, time_to_rest: float
+    ) -> None:
         self._monitor = monitor
         self._supervisor = supervisor
         self._operator = operator
         self.problem = ""
         self._give_up = time.perf_counter() + START_TIMEOUT
         self._hear_from = math.inf
-        self._ramp_time = ramp_time
-        self._closing = ramp_time + CLOSING_TIMEOUT
+        self._time_to_rest = time_to_rest
+        self._closing = time_to_rest + CLOSING_TIMEOUT
 
     @property
     def progress(self) -> tuple[str, int]:
@@ -74,9 +76,13 @@ class RunFollower:
             return "starting", 0
         words = f"{told.state}, {told.values['missed_deadlines']} deadlines missed"
         if self._operator.asked:
-            table = self._monitor.status.get(TABLE_DRIVER)
-            moves = table is not None and table.values.get("table") == "moving"
-            words = "stopping, the table moves" if moves else "stopping, the bag is being closed"
+            words = "stopping"
+            driver = self._monitor.status.get(TABLE_DRIVER)
+            table = "" if driver is None else driver.values.get("table", "")
+            if table == "moving":
+                words = "stopping, the table moves"
+            elif table and told.state == status.ENDED:
+                words = "stopping, the bag is being closed"
         return words, int(told.values["step"])
 
     def look(self) -> Path | None:
@@ -93,14 +99,14 @@ class RunFollower:
             Nothing more is to be expected.
         """
         self._monitor.update(LOOK_PERIOD)
-        if self._operator.asked and self._started:
+        if self._operator.asked and (self._started or not self._state):  # what is not heard of may be a test
             self._operator.update()
         recorder = self._monitor.status.get(RECORDER)
         if recorder is not None and recorder.state == status.ENDED:
             return Path(recorder.values["bag"])
         if recorder is not None and recorder.state == status.TRIPPED and not self.problem:
             self.problem = f"{RECORDER}: {recorder.message}"
-            self._wait_for(self._ramp_time + FAREWELL_TIME)
+            self._wait_for(self._time_to_rest + FAREWELL_TIME)
         self._judge_processes()
         if time.perf_counter() > self._give_up or self._operator.leaving:
             raise RunFailed(self.problem or self._excuse())
@@ -127,7 +133,7 @@ class RunFollower:
             undisturbed = False
             if lost.name == RECORDER:  # a test that is not recorded is of no use
                 self._supervisor.interrupt_first()
-                self._closing = self._ramp_time + FAREWELL_TIME
+                self._closing = self._time_to_rest + FAREWELL_TIME
         if self._state == status.RUNNING and undisturbed:
             self._wait_for(math.inf)
         elif self._started or not (undisturbed or self._may_be_heard_of()):
@@ -138,7 +144,7 @@ class RunFollower:
         """Tell whether the numerical substructure, of which nothing was heard yet, may run a test all the same."""
         now = time.perf_counter()
         self._hear_from = min(self._hear_from, now)
-        there = NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
+        there = self._supervisor.first_runs and NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
         longest = LONGEST_HEARING_TIMEOUT if there else HEARING_TIMEOUT
         return not self._state and now < self._hear_from + longest
 

@@ -37,11 +37,18 @@ class Supervised:
     module: str
     process: subprocess.Popen[bytes]
     log: Path
+    _interrupted: bool = False
 
     @property
     def name(self) -> str:
         """Name for a person."""
         return self.module.rpartition(".")[2].removesuffix("_node")
+
+    def interrupt(self) -> None:
+        """Ask it to end in order, once: a second time would be an emergency stop."""
+        if not self._interrupted:
+            self._interrupted = True
+            self.process.send_signal(signal.SIGINT)
 
     def last_words(self) -> str:
         """Return the last line it wrote."""
@@ -83,26 +90,41 @@ class Supervisor:
         """Return a process that has ended, if there is one."""
         return next((p for p in self.processes if p.process.poll() is not None), None)
 
+    @property
+    def first_runs(self) -> bool:
+        """True while there is a process with the numerical substructure."""
+        return self.processes[0].process.poll() is None
+
     def interrupt_first(self) -> None:
         """Ask the process with the numerical substructure to end the test."""
-        self.processes[0].process.send_signal(signal.SIGINT)
+        self.processes[0].interrupt()
 
-    def stop(self, ramp_time: float, in_a_hurry: Callable[[], bool]) -> None:
+    def stop(self, time_to_rest: float, interrupts: Sequence[int], log: Callable[[str], None]) -> None:
         """End every process: ask first, kill what does not end.
 
         Parameters
         ----------
-        ramp_time : float
+        time_to_rest : float
             Longest time the table needs to come to rest [s]; its process is not killed on the way.
-        in_a_hurry : callable
-            Tells whether nobody wants to wait that long.
+        interrupts : sequence of int
+            Signals that have come; grows meanwhile. A further one is handed on, which is an emergency stop; the one
+            after that ends the wait.
+        log : callable
+            Tells a person a line.
         """
         for supervised in self._running():
-            supervised.process.send_signal(signal.SIGINT)
-        asked = time.perf_counter()
-        while self._running():
-            if time.perf_counter() > asked + PATIENCE + (0.0 if in_a_hurry() else ramp_time):
-                break
+            supervised.interrupt()
+        before, handed_on = len(interrupts), False
+        give_up = time.perf_counter() + PATIENCE + time_to_rest
+        while self._running() and time.perf_counter() < give_up:
+            further = len(interrupts) - before
+            if further and not handed_on:
+                handed_on = True
+                log("emergency stop (Ctrl-C again to leave at once)")
+                for supervised in self._running():
+                    supervised.process.send_signal(signal.SIGINT)
+            if further > 1:
+                give_up = min(give_up, time.perf_counter() + PATIENCE)
             time.sleep(LOOK_PERIOD)
         for supervised in self._running():
             supervised.process.kill()

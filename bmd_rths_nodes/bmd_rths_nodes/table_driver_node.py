@@ -90,6 +90,9 @@ class TableDriverNode(StageNode):
             self._begin_the_way_to_rest()
         while self._moving:
             time.sleep(max(0.0, self._advance_due - time.perf_counter()))
+            if self.in_a_hurry() and not self._supervisor.emergency:
+                self._supervisor.request(Action.EMERGENCY_STOP)
+                self._trip("stopped", "emergency stop by the operator")
             self._look_for_answers(time.perf_counter())
             self._advance()
         halt(self._table, self._supervisor)

@@ -42,6 +42,11 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["true", "false"],
                 description="The five nodes of the loop in one process, which closes a step several times as fast",
             ),
+            DeclareLaunchArgument(
+                "sigterm_timeout",
+                default_value="20",
+                description="Time from Ctrl-C to SIGTERM, and 5 s more to SIGKILL [s]: longer than the way to rest",
+            ),
             OpaqueFunction(function=_nodes),
         ]
     )

@@ -19,6 +19,7 @@ GIVEN = {
     "table": "",
     "record": "true",
     "composed": "false",
+    "sigterm_timeout": "20",
 }
 LOOP = {"numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction"}
 

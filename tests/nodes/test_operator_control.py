@@ -190,6 +190,21 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
         assert server.statistics()["state"] == "idle"
 
 
+def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop(client, driver):
+    """With a way to rest of many seconds, on which a driver that ends does not answer its services any more."""
+    with emulator(LOCKSTEP.changed(run__lockstep=False, virtual_controller__watchdog=10.0)) as (server, config):
+        slow = ("run.lockstep:=false", "safety.ramp_acceleration:=0.001", "safety.stale_shear_limit:=100000")
+        table = driver("table.controller:=udp", f"table.address:={config.table.address}", *slow)
+        table.move()
+        table.child.interrupt()
+        wait_until(lambda: client.spin_some() or table.told.get("state") != "ready")
+        assert server.statistics()["state"] == "running"
+        table.child.interrupt()
+        assert table.child.wait(30.0).status == 0
+        assert server.statistics()["state"] == "interlock"
+        assert server.statistics()["interlock"] == Interlock.EMERGENCY_STOP
+
+
 def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client, start, tmp_path):
     parameters = tmp_path / "parameters.yaml"
     config = Config().changed(run__lockstep=True, recorder__directory=str(tmp_path / "bags"))

@@ -291,7 +291,7 @@ def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths
     bag = wait_until(lambda: begun(tmp_path))
     second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
     assert second.status == 2
-    assert "another run is active on this ROS domain" in second.errors
+    assert "another run is active on this ROS domain (bmd-rths on this computer)" in second.errors
     assert "set ROS_DOMAIN_ID to a free domain" in second.errors
     assert not (tmp_path / "second").exists()
     size = bag.stat().st_size

@@ -18,7 +18,7 @@ from bmd_rths_nodes.run_follower import (
 )
 
 #: Longest way of the table to rest [s].
-RAMP = 2.5
+TO_REST = 2.5
 
 LOST = "shear_estimator ended with status -9: it wrote nothing"
 
@@ -28,8 +28,8 @@ class Run:
 
     def __init__(self, **events):
         self.now, self.status, self.interrupted, self._lost = 0.0, {}, False, None
-        self.discovered = []
-        self.operator = SimpleNamespace(asked=False, leaving=False, update=lambda: None)
+        self.discovered, self.first_runs, self.updates = [], True, 0
+        self.operator = SimpleNamespace(asked=False, leaving=False, update=self.operate)
         self._events = {float(name.removeprefix("at_")): event for name, event in events.items()}
 
     def update(self, seconds):
@@ -37,6 +37,9 @@ class Run:
         self.now += seconds
         for when in [when for when in self._events if when <= self.now]:
             self._events.pop(when)(self)
+
+    def operate(self):
+        self.updates += 1
 
     def nodes_there(self):
         return self.discovered
@@ -70,7 +73,7 @@ def follow(monkeypatch):
 
     def follow_run(run):
         monkeypatch.setattr(run_follower, "time", SimpleNamespace(perf_counter=lambda: run.now))
-        follower = RunFollower(run, run, run.operator, RAMP)
+        follower = RunFollower(run, run, run.operator, TO_REST)
         try:
             while (bag := follower.look()) is None:
                 pass
@@ -112,7 +115,7 @@ def test_node_that_is_lost_before_the_test_ends_the_run_at_once(follow):
 def test_bag_of_a_lost_run_is_waited_for_once(follow):
     outcome, _, when = follow(Run(at_1=RUNS, at_2=loses("shear_estimator")))
     assert outcome == LOST
-    assert when == pytest.approx(2.0 + RAMP + CLOSING_TIMEOUT, abs=0.2)
+    assert when == pytest.approx(2.0 + TO_REST + CLOSING_TIMEOUT, abs=0.2)
 
 
 def test_without_its_recorder_the_test_is_ended_and_the_table_has_time_to_come_to_rest(follow):
@@ -120,7 +123,7 @@ def test_without_its_recorder_the_test_is_ended_and_the_table_has_time_to_come_t
     outcome, _, when = follow(run)
     assert outcome == "recorder ended with status -9: it wrote nothing"
     assert run.interrupted
-    assert when == pytest.approx(2.0 + RAMP + FAREWELL_TIME, abs=0.2)
+    assert when == pytest.approx(2.0 + TO_REST + FAREWELL_TIME, abs=0.2)
 
 
 def test_ctrl_c_before_anything_was_heard_waits_for_a_test_that_may_be_under_way(follow):
@@ -130,9 +133,21 @@ def test_ctrl_c_before_anything_was_heard_waits_for_a_test_that_may_be_under_way
     outcome, _, when = follow(Run(at_2=asks, at_5=RUNS, at_9=ENDS))
     assert outcome == Path("the_bag")
     assert when == pytest.approx(9.0, abs=0.1)
-    outcome, _, when = follow(Run(at_2=asks))
+    run = Run(at_2=asks)
+    outcome, _, when = follow(run)
     assert outcome == "stopped before the test had begun"
     assert when == pytest.approx(2.0 + HEARING_TIMEOUT, abs=0.2)
+    assert run.updates > 1  # the table is asked to stop all the same
+
+
+def test_ctrl_c_while_the_nodes_wait_for_each_other_ends_the_run_at_once(follow):
+    def asks(run):
+        run.operator.asked = True
+
+    run = Run(at_1=tells("numerical_substructure", status.WAITING), at_2=asks)
+    outcome, _, when = follow(run)
+    assert (outcome, run.updates) == ("stopped before the test had begun", 0)
+    assert when == pytest.approx(2.0, abs=0.2)
 
 
 def test_numerical_substructure_that_is_discovered_is_waited_for_longer(follow):
@@ -144,11 +159,14 @@ def test_numerical_substructure_that_is_discovered_is_waited_for_longer(follow):
     outcome, _, when = follow(run)
     assert outcome == LOST
     assert when == pytest.approx(2.0 + LONGEST_HEARING_TIMEOUT, abs=0.2)
+    run = Run(at_2=loses("numerical_substructure"))
+    run.discovered, run.first_runs = ["numerical_substructure"], False  # it is dead, and DDS does not know it yet
+    assert follow(run)[2] == pytest.approx(2.0 + HEARING_TIMEOUT, abs=0.2)
 
 
 def test_what_a_stopped_run_waits_for_is_said():
     run = Run()
-    follower = RunFollower(run, run, run.operator, RAMP)
+    follower = RunFollower(run, run, run.operator, TO_REST)
     assert follower.progress == ("starting", 0)
     run.tell("numerical_substructure", status.RUNNING)
     assert follower.progress == ("running, 0 deadlines missed", 5)
@@ -156,4 +174,6 @@ def test_what_a_stopped_run_waits_for_is_said():
     run.tell("table_driver", status.TRIPPED, table="moving")
     assert follower.progress == ("stopping, the table moves", 5)
     run.tell("table_driver", status.TRIPPED, table="at rest")
+    assert follower.progress == ("stopping", 5)
+    run.tell("numerical_substructure", status.ENDED)
     assert follower.progress == ("stopping, the bag is being closed", 5)

@@ -65,6 +65,11 @@ class TableConfig:
         "displacement-controlled",
     )
 
+    @property
+    def halt_time(self) -> float:
+        """Longest time until a stop of the controller is confirmed, or given up [s]; 0 for the simulated table."""
+        return 0.0 if self.controller == "simulated" else self.stop_timeout + 2.0 * self.give_up_after
+
     def __post_init__(self) -> None:
         """Check the values."""
         check_parameters(self)

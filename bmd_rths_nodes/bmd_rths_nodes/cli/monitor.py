@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -46,7 +47,7 @@ def monitor(once: bool, as_json: bool) -> int:
     """
     with collected_interrupts() as interrupts, RunMonitor() as run:
         if once or as_json:
-            return _print_once(run, as_json)
+            return _print_once(run, as_json, interrupts)
         with Live(console=Console(), auto_refresh=False) as live:
             while not interrupts:
                 run.update(_PERIOD)
@@ -56,9 +57,9 @@ def monitor(once: bool, as_json: bool) -> int:
     return 0
 
 
-def _print_once(run: RunMonitor, as_json: bool) -> int:
+def _print_once(run: RunMonitor, as_json: bool, interrupts: Sequence[int]) -> int:
     """Wait until every role of a run has told its status, or for what there is, and print it."""
-    _listen_until_all_have_told(run)
+    _listen_until_all_have_told(run, interrupts)
     snapshot = _snapshot(run)
     if not snapshot["nodes"]:
         log(f"error: {_nothing()}")
@@ -70,10 +71,10 @@ def _print_once(run: RunMonitor, as_json: bool) -> int:
     return 0
 
 
-def _listen_until_all_have_told(run: RunMonitor) -> None:
-    """Listen to every role of a run, or to those of which anything is discovered."""
+def _listen_until_all_have_told(run: RunMonitor, interrupts: Sequence[int]) -> None:
+    """Listen to every role of a run, or to those of which anything is discovered, or until it is interrupted."""
     heard, since = 0, time.perf_counter()
-    while not set(ROLES) <= set(run.status):
+    while not set(ROLES) <= set(run.status) and not interrupts:
         run.update(0.05)
         now = time.perf_counter()
         if len(run.status) > heard:

@@ -1,4 +1,4 @@
-"""Messages between nodes of one process: handed over first, published when the step has closed."""
+"""Messages between nodes of one process: handed over first, published when there is nothing more to hand over."""
 
 from __future__ import annotations
 

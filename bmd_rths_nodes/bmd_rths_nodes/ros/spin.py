@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 
 import rclpy
 from rclpy.exceptions import ROSInterruptException
@@ -78,13 +79,15 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     except InputError as error:
         return _refuse(str(error))
     finally:
-        for node in nodes:  # every one of them before any waits
-            node.make_safe()
-        intra_process.publish()
-        for node in nodes:
-            node.say_farewell()
-            node.destroy_node()
-        rclpy.try_shutdown()
+        with ExitStack() as last:  # the last one first, each of them whatever becomes of the others
+            last.callback(rclpy.try_shutdown)
+            for node in reversed(nodes):
+                last.callback(node.destroy_node)
+                last.callback(node.say_farewell)
+            last.callback(intra_process.publish)
+            for node in reversed(nodes):  # every one of them before any waits
+                last.callback(node.make_safe, lambda: signals.count(signal.SIGINT) > 1)
+            last.callback(intra_process.publish)  # what led to an end is recorded before the way to rest
 
 
 def _spin(

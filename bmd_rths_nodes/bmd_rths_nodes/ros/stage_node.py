@@ -79,6 +79,7 @@ class StageNode(LifecycleNode, ABC):
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
         self._last_words = False
+        self.in_a_hurry: Callable[[], bool] = lambda: False
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self._forget_counts()
         triggers.offer(self, self.operator_services())
@@ -172,12 +173,13 @@ class StageNode(LifecycleNode, ABC):
 
         if self._intra_process.has(topic.producer):
             self._intra_process.subscribe(name, self.ROLE, on_message)
-            self._inputs.append((topic.full_name, lambda: self.count_publishers(topic.full_name)))
+            resolved = self.resolve_topic_name(name)  # publishers are counted by the name they have in the end
+            self._inputs.append((resolved, lambda: self.count_publishers(resolved)))
             return
         in_real_time = qos.NEWEST if newest_only else qos.STAGE
         profile = qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time
         subscription = self.subscribe_raw(topic, on_message, profile)
-        self._inputs.append((topic.full_name, subscription.get_publisher_count))
+        self._inputs.append((subscription.topic_name, subscription.get_publisher_count))
 
     def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
         """Subscribe to the bytes of a topic."""
@@ -243,8 +245,15 @@ class StageNode(LifecycleNode, ABC):
         own = NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
         self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
 
-    def make_safe(self) -> None:
-        """Leave everything safe, because the process ends."""
+    def make_safe(self, in_a_hurry: Callable[[], bool]) -> None:
+        """Leave everything safe, because the process ends.
+
+        Parameters
+        ----------
+        in_a_hurry : callable
+            Tells whether the operator has asked again.
+        """
+        self.in_a_hurry = in_a_hurry
         told = self._status_told
         self.stop_stage()
         self._last_words = self._status_told > told

@@ -17,6 +17,9 @@ STOP, EMERGENCY_STOP, RESET = "stop", "emergency_stop", "reset"
 #: or as soon as there is more to send; what was sent before the node was found it does not repeat at all.
 REPEAT_PERIOD = 0.5
 
+#: How often a request is sent again.
+MOST_REPEATS = 3
+
 
 class Refused(Exception):
     """A node does not do what it was asked for; the text says why."""
@@ -49,7 +52,7 @@ def _handler(action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Re
 
 
 class TriggerClients:
-    """The services of another node, called without waiting for the answer, again and again until there is one.
+    """The services of another node, called without waiting for the answer, and again when there is none.
 
     Only for services that may be called twice.
 
@@ -65,7 +68,7 @@ class TriggerClients:
 
     def __init__(self, node: Node, role: str, *names: str) -> None:
         self._clients = {name: node.create_client(Trigger, f"/{NAMESPACE}/{role}/{name}") for name in names}
-        self._calls: dict[str, list[Future]] = {}
+        self._requests: dict[str, list[Future]] = {}
         self._repeat_due = 0.0
 
     def call(self, name: str) -> None:
@@ -76,21 +79,31 @@ class TriggerClients:
         name : str
             Its name.
         """
-        self._calls[name] = []
-        self._repeat_due = 0.0
+        self._request(name)
+        self._repeat_due = time.perf_counter() + REPEAT_PERIOD
 
-    def answers(self) -> list[str]:
-        """Return the answers that have come since the last look, one for each call; to be called often."""
+    def update(self) -> list[tuple[str, str]]:
+        """Repeat what has no answer; to be called often.
+
+        Returns
+        -------
+        list of (str, str)
+            Services that have answered since the last look, each once, and what they said.
+        """
         answers = []
-        for name, futures in list(self._calls.items()):
-            answer = next((future.result().message for future in futures if future.done()), None)
-            if answer is not None:
-                answers.append(answer)
-                for future in self._calls.pop(name):
-                    self._clients[name].remove_pending_request(future)
+        for name, requests in list(self._requests.items()):
+            answered = next((request for request in requests if request.done()), None)
+            if answered is not None:
+                answers.append((name, answered.result().message))
+                for request in self._requests.pop(name):
+                    self._clients[name].remove_pending_request(request)
         now = time.perf_counter()
         if now >= self._repeat_due:
             self._repeat_due = now + REPEAT_PERIOD
-            for name, futures in self._calls.items():
-                futures.append(self._clients[name].call_async(Trigger.Request()))
+            for name, requests in self._requests.items():
+                if len(requests) <= MOST_REPEATS:
+                    self._request(name)
         return answers
+
+    def _request(self, name: str) -> None:
+        self._requests.setdefault(name, []).append(self._clients[name].call_async(Trigger.Request()))

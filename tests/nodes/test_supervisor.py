@@ -1,0 +1,67 @@
+"""The end of the processes of a run: asked once, asked again by the operator, killed."""
+
+import threading
+
+import pytest
+
+from bmd_rths_nodes import supervisor as supervisor_module
+from bmd_rths_nodes.supervisor import Supervisor
+from tests.nodes.conftest import wait_until
+
+#: A process that ends with the second SIGINT, and says how many have come.
+STUBBORN = """
+import signal, sys, time
+received = []
+signal.signal(signal.SIGINT, lambda *_: received.append(1) or print(len(received), flush=True))
+print("ready", flush=True)
+while len(received) < 2:
+    time.sleep(0.01)
+sys.exit(3)
+"""
+
+
+@pytest.fixture
+def stubborn(tmp_path, monkeypatch):
+    """Start the process; return its supervisor, and what it is told."""
+    (tmp_path / "stubborn.py").write_text(STUBBORN)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    supervisor = Supervisor(["stubborn"], tmp_path / "none.yaml", tmp_path)
+    (process,) = supervisor.processes
+    wait_until(lambda: "ready" in process.log.read_text())
+    yield supervisor
+    process.process.kill()
+    process.process.wait()
+
+
+def test_further_interrupt_is_handed_on(stubborn):
+    interrupts, told = [2], []
+    threading.Timer(0.3, interrupts.append, [2]).start()
+    stubborn.stop(1000.0, interrupts, told.append)
+    (process,) = stubborn.processes
+    assert process.process.returncode == 3
+    assert told == ["emergency stop (Ctrl-C again to leave at once)"]
+
+
+def test_process_that_was_interrupted_before_is_not_interrupted_again_and_killed_in_the_end(stubborn, monkeypatch):
+    """A second interrupt would be an emergency stop."""
+    monkeypatch.setattr(supervisor_module, "PATIENCE", 0.5)
+    (process,) = stubborn.processes
+    assert stubborn.first_runs
+    stubborn.interrupt_first()
+    wait_until(lambda: "1" in process.log.read_text())
+    stubborn.stop(0.0, [], print)
+    assert process.process.returncode == -9
+    assert process.log.read_text().split() == ["ready", "1"]
+    assert not stubborn.first_runs
+    assert stubborn.lost() is process
+
+
+def test_operator_who_asks_twice_more_does_not_wait_for_the_table(stubborn, monkeypatch):
+    monkeypatch.setattr(supervisor_module, "PATIENCE", 0.5)
+    (process,) = stubborn.processes
+    process.process.send_signal(19)  # SIGSTOP
+    interrupts = []
+    for delay in (0.1, 0.2):
+        threading.Timer(delay, interrupts.append, [2]).start()
+    stubborn.stop(1000.0, interrupts, print)
+    assert process.process.returncode == -9
