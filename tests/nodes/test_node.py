@@ -103,8 +103,16 @@ def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(clien
     assert shaper.wait(20.0).status == 0
 
 
+@pytest.fixture
+def with_hangup():
+    """Have children that die of SIGHUP, also where the tests run under nohup, which they would inherit."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
-def test_bare_node_starts_itself_tells_its_status_and_ends_in_order(client, start, ending):
+def test_bare_node_starts_itself_tells_its_status_and_ends_in_order(client, start, with_hangup, ending):
     told = {}
 
     def on_diagnostics(message):
