@@ -53,6 +53,10 @@ TELL_STEPS = 100
 #: lockstep may take. A table that moves is waited for in addition to that.
 LONGEST_SILENCE = 6.0
 
+#: Longest wait for the end of a test that is under way when the process is asked to end [s], besides the way of the
+#: table to rest.
+LONGEST_FAREWELL = 2.0
+
 #: Added to the niceness of the recorder's process.
 NICENESS = 5
 
@@ -108,9 +112,11 @@ class RecorderNode(StageNode):
         else:
             self._close("stopped", "the recorder was stopped before the test ended", None)
 
-    def wants_more_time(self) -> bool:
-        """Wait for the end of a test that is under way."""
-        return self.state == status.READY and self.steps > 0 and self._writer is not None
+    def wants_more_time(self, waited: float, hurried: bool) -> bool:
+        """Wait for the end of a test that is under way, and for the way of the table to rest."""
+        if self.state != status.READY or self.steps == 0 or self._writer is None:
+            return False
+        return waited < LONGEST_FAREWELL + (self._time_to_rest if self._table_moves and not hurried else 0.0)
 
     def status_values(self) -> dict[str, str]:
         """Tell the bag, how many messages are in it, and how many steps are complete."""

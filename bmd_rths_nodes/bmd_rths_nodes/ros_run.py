@@ -97,4 +97,4 @@ def run_on_ros(
                 on_progress(*follower.progress)
             return RecordedRun(bag, follower.problem)
         finally:
-            supervisor.stop(0.0 if operator.leaving else time_to_rest, interrupts, log)
+            supervisor.stop(time_to_rest, interrupts, log, hurried=operator.leaving)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bmd_rths_nodes.ending_signals import REPEAT_TIME
 from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
 
 #: Time a process is given to end after SIGINT before it is killed [s], besides the way of the table to rest.
@@ -99,7 +100,9 @@ class Supervisor:
         """Ask the process with the numerical substructure to end the test."""
         self.processes[0].interrupt()
 
-    def stop(self, time_to_rest: float, interrupts: Sequence[int], log: Callable[[str], None]) -> None:
+    def stop(
+        self, time_to_rest: float, interrupts: Sequence[int], log: Callable[[str], None], hurried: bool = False
+    ) -> None:
         """End every process: ask first, kill what does not end.
 
         Parameters
@@ -111,16 +114,19 @@ class Supervisor:
             after that ends the wait.
         log : callable
             Tells a person a line.
+        hurried : bool
+            The operator does not want to wait: the processes are asked twice, and the way to rest is not waited for.
         """
         for supervised in self._running():
             supervised.interrupt()
-        before, handed_on = len(interrupts), False
-        give_up = time.perf_counter() + PATIENCE + time_to_rest
+        before, handed_on, asked = len(interrupts), False, time.perf_counter()
+        give_up = asked + PATIENCE + (0.0 if hurried else time_to_rest)
         while self._running() and time.perf_counter() < give_up:
             further = len(interrupts) - before
-            if further and not handed_on:
+            if (further or hurried) and not handed_on and time.perf_counter() > asked + 1.5 * REPEAT_TIME:
                 handed_on = True
-                log("emergency stop (Ctrl-C again to leave at once)")
+                if not hurried:
+                    log("emergency stop (Ctrl-C again to leave at once)")
                 for supervised in self._running():
                     supervised.process.send_signal(signal.SIGINT)
             if further > 1:

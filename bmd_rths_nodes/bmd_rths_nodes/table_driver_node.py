@@ -90,7 +90,7 @@ class TableDriverNode(StageNode):
             self._begin_the_way_to_rest()
         while self._moving:
             time.sleep(max(0.0, self._advance_due - time.perf_counter()))
-            if self.in_a_hurry() and not self._supervisor.emergency:
+            if self.ending is not None and self.ending.hurried and not self._supervisor.emergency:
                 self._supervisor.request(Action.EMERGENCY_STOP)
                 self._trip("stopped", "emergency stop by the operator")
             self._look_for_answers(time.perf_counter())
@@ -146,8 +146,11 @@ class TableDriverNode(StageNode):
         """Ramp to rest. It is latched, also when nothing moves yet: no test begins before a reset."""
         self._refuse_when_inactive()
         if self.state not in (status.TRIPPED, status.ENDED):
+            moves = self._moving
             self._supervisor.request(Action.RAMP)
             self._trip("stopped", "stopped by the operator")
+            if not moves:
+                return "the table is at rest; no test begins before a reset"
             return f"the table is brought to rest, {self._since()}"
         if self._supervisor.state is State.HOLDING:
             self._supervisor.request(Action.RAMP)

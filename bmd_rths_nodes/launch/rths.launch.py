@@ -54,6 +54,10 @@ def generate_launch_description() -> LaunchDescription:
 
 def _nodes(context: LaunchContext) -> list[Node]:
     given = context.launch_configurations
+    try:
+        float(given["sigterm_timeout"])
+    except ValueError:
+        raise ValueError(f"sigterm_timeout: {given['sigterm_timeout']!r} is not a number of seconds") from None
     record = given["record"] == "true"
     texts = {name: given[key] for key, name in OVERRIDES.items() if given[key]}
     if "://" in given["table"]:

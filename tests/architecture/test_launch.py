@@ -88,6 +88,12 @@ def test_arguments_become_parameters(nodes):
         assert (config.ground_motion.record, config.table.controller) == ("123", "simulated")
 
 
+def test_time_that_is_no_number_is_refused_before_anything_starts(nodes):
+    """Launch itself would find out at the end, and then hang."""
+    with pytest.raises(ValueError, match=r"^sigterm_timeout: 'soon' is not a number of seconds$"):
+        nodes(sigterm_timeout="soon")
+
+
 @pytest.mark.parametrize(
     ("executable", "status", "ends"),
     [

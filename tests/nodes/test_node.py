@@ -356,3 +356,30 @@ sys.exit(spin.run_nodes(LOOP_NODES, ["--ros-args", "-p", "run.record:=false"]))
     told = [line.split() for line in result.output.splitlines()]
     assert [name for name, _ in told] == ["stop_stage"] * 5 + ["say_farewell"] * 5
     assert [role for _, role in told] == [*loop, *loop]
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_node_settles_in_real_time_before_it_is_ready_so_that_nobody_is_discovered_in_a_test(client, start, lockstep):
+    told = []
+
+    def on_diagnostics(message):
+        for entry in message.status:
+            if entry.name == "/rths/numerical_substructure":
+                told.append(next(pair.value for pair in entry.values if pair.key == "state"))
+
+    client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
+    script = """
+import sys
+from bmd_rths_nodes.composition import LOOP_NODES
+from bmd_rths_nodes.ros import spin, stage_node
+
+stage_node.SETTLING_TIME = 1000.0
+sys.exit(spin.run_nodes(LOOP_NODES))
+"""
+    record = ("--ros-args", "-p", "run.record:=false", "-p", f"run.lockstep:={str(lockstep).lower()}")
+    start("-c", script, *record)
+    if lockstep:
+        wait_until(lambda: client.spin_some() or "ended" in told)
+    else:
+        wait_until(lambda: client.spin_some() or len(told) > 30)
+        assert set(told) == {"waiting"}

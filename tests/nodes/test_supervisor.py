@@ -65,3 +65,11 @@ def test_operator_who_asks_twice_more_does_not_wait_for_the_table(stubborn, monk
         threading.Timer(delay, interrupts.append, [2]).start()
     stubborn.stop(1000.0, interrupts, print)
     assert process.process.returncode == -9
+
+
+def test_processes_of_an_operator_in_a_hurry_are_asked_twice(stubborn):
+    told = []
+    stubborn.stop(1000.0, [2, 2, 2], told.append, hurried=True)
+    (process,) = stubborn.processes
+    assert process.process.returncode == 3
+    assert told == []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import math
 import os
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.ending_signals import ending_signals
+from bmd_rths_nodes.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.stage_node import StageNode
 
@@ -31,9 +30,6 @@ LONGEST_WAIT = 0.05
 
 #: Environment variable with the process id of the parent this process must not outlive.
 SUPERVISOR_VARIABLE = "BMD_RTHS_SUPERVISOR"
-
-#: Longest time the nodes are given to hear how a test ended after a signal [s].
-LONGEST_FAREWELL = 2.0
 
 
 def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | None = None) -> int:
@@ -51,9 +47,7 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     int
         Exit status: 0 after a signal, 2 when parameters or inputs are wrong.
     """
-    signals: list[int] = []
-    for number in ending_signals():
-        signal.signal(number, lambda received, _: signals.append(received))
+    ending = Ending()
     try:
         rclpy.init(
             args=list(arguments) if arguments is not None else None, signal_handler_options=SignalHandlerOptions.NO
@@ -74,33 +68,36 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         # What lives now lives to the end; the collector need not look at it during a step.
         gc.collect()
         gc.freeze()
-        _spin(executor, nodes, intra_process, signals)
+        _spin(executor, nodes, intra_process, ending)
         return 0
     except InputError as error:
         return _refuse(str(error))
     finally:
         with ExitStack() as last:  # the last one first, each of them whatever becomes of the others
+            last.callback(ending.no_more)
             last.callback(rclpy.try_shutdown)
             for node in reversed(nodes):
                 last.callback(node.destroy_node)
                 last.callback(node.say_farewell)
             last.callback(intra_process.publish)
             for node in reversed(nodes):  # every one of them before any waits
-                last.callback(node.make_safe, lambda: signals.count(signal.SIGINT) > 1)
+                last.callback(node.make_safe, ending)
             last.callback(intra_process.publish)  # what led to an end is recorded before the way to rest
 
 
 def _spin(
-    executor: rclpy.executors.Executor, nodes: Sequence[StageNode], intra_process: IntraProcess, signals: list[int]
+    executor: rclpy.executors.Executor, nodes: Sequence[StageNode], intra_process: IntraProcess, ending: Ending
 ) -> None:
     clock = time.perf_counter
-    give_up = math.inf
+    orphaned_at = math.inf
     supervisor = os.environ.get(SUPERVISOR_VARIABLE)
     while True:
         now = clock()
-        if signals or (supervisor is not None and os.getppid() != int(supervisor)):
-            give_up = min(give_up, now + LONGEST_FAREWELL)
-            if now >= give_up or not any(node.wants_more_time() for node in nodes):
+        if supervisor is not None and os.getppid() != int(supervisor):
+            orphaned_at = min(orphaned_at, now)
+        if ending.asked or orphaned_at < math.inf:
+            waited = ending.waited(now) if ending.asked else now - orphaned_at
+            if not any(node.wants_more_time(waited, ending.hurried) for node in nodes):
                 return
         due = min(node.poll(now) for node in nodes)
         if intra_process.deliver():

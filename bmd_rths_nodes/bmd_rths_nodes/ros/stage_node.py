@@ -22,6 +22,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.topics import MEASUREMENT, NAMESPACE, RECORDER, Topic
+from bmd_rths_nodes.ending_signals import Ending
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration
@@ -30,6 +31,11 @@ from bmd_rths_nodes.ros.status import NodeStatus
 #: How often a node tells its status [s]: before its first step, and afterwards.
 PREPARATION_PERIOD = 0.1
 STATUS_PERIOD = 1.0
+
+#: In real time, the time from the start of a node until it can be ready [s]. A process that is discovered while a test
+#: runs, such as an idle ros2 daemon, may hold up every publisher of this one for a third of a second; what is there is
+#: discovered by then, because Fast DDS repeats its announcements every 3 s (docs/decisions/0004).
+SETTLING_TIME = 3.5
 
 #: How often a node looks whether somebody else publishes what it listens to [s].
 LOOK_PERIOD = 0.1
@@ -76,10 +82,11 @@ class StageNode(LifecycleNode, ABC):
         self._publishers_of: list[tuple[Topic, Publisher]] = []
         self._subscriptions_of: list[Subscription] = []
         self._inputs: list[tuple[str, Callable[[], int]]] = []
+        self._settled_at = 0.0 if self.config.run.lockstep else time.perf_counter() + SETTLING_TIME
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
         self._last_words = False
-        self.in_a_hurry: Callable[[], bool] = lambda: False
+        self.ending: Ending | None = None
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self._forget_counts()
         triggers.offer(self, self.operator_services())
@@ -108,8 +115,16 @@ class StageNode(LifecycleNode, ABC):
         """Take no part in the test any more: somebody else publishes what this node listens to."""
         self.set_state(status.TRIPPED, problem, status.ERROR)
 
-    def wants_more_time(self) -> bool:
-        """Tell whether the node still has to hear something before its process may end."""
+    def wants_more_time(self, waited: float, hurried: bool) -> bool:
+        """Tell whether the node still has to hear something before its process may end.
+
+        Parameters
+        ----------
+        waited : float
+            Time since the process was asked to end, the last time [s].
+        hurried : bool
+            True when it was asked twice.
+        """
         return False
 
     def listen_to_peers(self, on_peer: Callable[[NodeStatus], None]) -> None:
@@ -219,7 +234,7 @@ class StageNode(LifecycleNode, ABC):
         if now >= self._status_due:
             idle = self.steps == self._steps_told
             if idle and self.state in (status.WAITING, status.READY):
-                self.state = status.READY if self._matched() else status.WAITING
+                self.state = status.READY if now >= self._settled_at and self._matched() else status.WAITING
                 self.note = self._disturbance()
             self._steps_told = self.steps
             self.publish_status()
@@ -245,15 +260,15 @@ class StageNode(LifecycleNode, ABC):
         own = NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
         self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
 
-    def make_safe(self, in_a_hurry: Callable[[], bool]) -> None:
+    def make_safe(self, ending: Ending) -> None:
         """Leave everything safe, because the process ends.
 
         Parameters
         ----------
-        in_a_hurry : callable
-            Tells whether the operator has asked again.
+        ending : Ending
+            Tells whether the operator asks again meanwhile.
         """
-        self.in_a_hurry = in_a_hurry
+        self.ending = ending
         told = self._status_told
         self.stop_stage()
         self._last_words = self._status_told > told
