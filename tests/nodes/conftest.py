@@ -209,6 +209,19 @@ def processes_of_domain(number):
     return found
 
 
+def recorded(folder, size):
+    """Return the MCAP file below a folder that has so many bytes since the first corrected shear, if there is one.
+
+    What the nodes tell before step 0 is recorded too, as long as they wait for each other.
+    """
+    for file in folder.glob("*/*.mcap"):
+        data = file.read_bytes()
+        begin = data.find(b"/rths/corrected_force")  # the channel is made with its first message
+        if begin >= 0 and len(data) - begin > size:
+            return file
+    return None
+
+
 def wait_until(condition, timeout=60.0):
     """Wait for a condition, and return its value."""
     end = time.monotonic() + timeout

@@ -8,7 +8,7 @@ from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.snapshot import take_snapshot
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, wait_until
+from tests.nodes.conftest import CONFIG, recorded, wait_until
 
 #: A busy machine must not end the run that is watched.
 PATIENT = {"run__max_consecutive_misses": 4000, "safety__stale_shear_limit": 4000, **WITHOUT_LIMITS}
@@ -24,7 +24,7 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
     wait_until(lambda: any(name.startswith("rths_monitor") for name in client.get_node_names()))
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip", **PATIENT)
     run = bmd_rths("run", CONFIG, *endless, "--output", tmp_path, "--json")
-    wait_until(lambda: next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 500_000), None))
+    wait_until(lambda: recorded(tmp_path, 500_000))
 
     picture = bmd_rths("monitor", "--json").wait()
     assert picture.status == 0, picture.errors

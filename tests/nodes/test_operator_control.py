@@ -24,7 +24,7 @@ from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.ros import status
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, change_state, processes_of_domain, wait_until
+from tests.nodes.conftest import CONFIG, change_state, processes_of_domain, recorded, wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 
 
@@ -225,7 +225,7 @@ def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client,
 
     read = {}
 
-    wait_until(lambda: any(f.stat().st_size > 200_000 for f in (tmp_path / "bags").glob("*/*.mcap")))
+    wait_until(lambda: recorded(tmp_path / "bags", 200_000))
     assert ask(client, "stop")[0]
     (stopped,) = wait_until(lambda: records("stopped"))
     assert stopped.reason == "table_driver: stopped by the operator"
@@ -268,7 +268,7 @@ def arguments(**changes):
 
 def begun(folder):
     """Tell whether a bag has some hundred messages."""
-    return any(file.stat().st_size > 100_000 for file in folder.glob("*/*.mcap"))
+    return recorded(folder, 100_000) is not None
 
 
 def told_by_the_table_driver(bag):
@@ -332,7 +332,7 @@ def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rth
     """Where the test is stopped the table is some 10 mm off, which takes about fifteen seconds."""
     ramp = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.0015}
     child = bmd_rths("run", CONFIG, *arguments(**ramp), "--output", tmp_path / "bags", "--json")
-    wait_until(lambda: any(file.stat().st_size > 400_000 for file in (tmp_path / "bags").glob("*/*.mcap")))
+    wait_until(lambda: recorded(tmp_path / "bags", 300_000))
     child.interrupt()
     result = child.wait()
     assert result.status == 1
@@ -354,7 +354,7 @@ def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(star
         start("-m", f"bmd_rths_nodes.{module}", "--ros-args", "--params-file", tmp_path / "parameters.yaml")
         for module in modules
     ]
-    wait_until(lambda: any(file.stat().st_size > 400_000 for file in (tmp_path / "bags").glob("*/*.mcap")))
+    wait_until(lambda: recorded(tmp_path / "bags", 300_000))
     for node in nodes:
         node.interrupt()
     assert [node.wait(60.0).status for node in nodes] == [0, 0]

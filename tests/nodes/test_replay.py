@@ -13,7 +13,7 @@ from bmd_rths_core.config import config_from_mapping, dump_config
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.record_bag import write_record
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
+from tests.nodes.conftest import CONFIG, processes_of_domain, recorded, wait_until
 
 FORCES = ("interface_force", "corrected_force")
 #: A busy machine must not end a run before what is tested has happened.
@@ -111,7 +111,7 @@ def test_real_time_bag_is_reproduced_with_the_measurements_that_the_estimator_mi
     """The estimator is stopped for a moment: of what came meanwhile, its queue holds the last ten measurements."""
     arguments = (*settings(ground_motion__duration=6.0, run__preflight="skip", **PATIENT), "--output", tmp_path)
     child = bmd_rths("run", CONFIG, *arguments, "--json")
-    bag = wait_until(lambda: next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 300_000), None))
+    bag = wait_until(lambda: recorded(tmp_path, 300_000))
     (estimator,) = (pid for pid, command in processes_of_domain(domain).items() if "shear_estimator" in command)
     os.kill(estimator, signal.SIGSTOP)
     size = bag.stat().st_size

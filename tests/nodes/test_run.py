@@ -22,7 +22,7 @@ from bmd_rths_core.schemes import SCHEME_NAMES
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain, wait_until
+from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain, recorded, wait_until
 
 
 def in_process(path=CONFIG, **changes):
@@ -173,7 +173,7 @@ PATIENT = settings(run__max_consecutive_misses=200, safety__stale_shear_limit=10
 
 def begun(tmp_path):
     """Return the MCAP file of the run once half a megabyte has been recorded."""
-    return next((f for f in tmp_path.glob("*/*.mcap") if f.stat().st_size > 500_000), None)
+    return recorded(tmp_path, 500_000)
 
 
 def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_path, domain):
