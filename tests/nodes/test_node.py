@@ -22,7 +22,7 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
 from bmd_rths_nodes.ros import status
-from bmd_rths_nodes.ros.stage_node import message_class
+from bmd_rths_nodes.ros.messages import message_class
 from tests.nodes.conftest import change_state, wait_until
 
 

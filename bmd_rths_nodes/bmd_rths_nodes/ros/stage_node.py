@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,11 +19,12 @@ from rclpy.subscription import Subscription
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec
-from bmd_rths_msgs_py.topics import MEASUREMENT, NAMESPACE, RECORDER, Topic
+from bmd_rths_msgs_py.cdr import MalformedMessage
+from bmd_rths_msgs_py.topics import NAMESPACE, RECORDER, Topic
 from bmd_rths_nodes.ending_signals import Ending
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.intra_process import IntraProcess
+from bmd_rths_nodes.ros.messages import codec_of, message_class
 from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration
 from bmd_rths_nodes.ros.status import NodeStatus
 
@@ -390,16 +390,3 @@ class StageNode(LifecycleNode, ABC):
         self._publishers_of.clear()
         self._subscriptions_of.clear()
         self._inputs.clear()
-
-
-def message_class(topic: Topic) -> type:
-    """Return the ROS message class of a topic."""
-    package, _, name = topic.type_name.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
-
-
-def codec_of(topic: Topic, config: Config) -> Any:
-    """Return the codec of a topic of the loop."""
-    if topic is MEASUREMENT:
-        return MeasurementCodec(len(config.specimen.masses), config.run.time_step_ns, topic.frame_id)
-    return ScalarCodec(topic.frame_id)
