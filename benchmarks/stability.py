@@ -25,7 +25,6 @@ import control
 import numpy as np
 
 from bmd_rths_core.command_shaper import CommandShaperConfig, transfer_function
-from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, margin_curve
 from bmd_rths_core.stability.models import (
     EQUATION_9,
@@ -34,6 +33,7 @@ from bmd_rths_core.stability.models import (
     phase_lead_compensator,
     table_sections,
 )
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 DT = 0.005
 ZETA = 0.02

@@ -6,11 +6,11 @@ from bmd_rths_core.command_shaper import CommandShaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.force_correction import ForceCorrection
-from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator
 from bmd_rths_core.shear_estimator import ShearEstimator
+from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.faults import Faults
 from bmd_rths_core.table.servo_hydraulic import ServoHydraulicTable

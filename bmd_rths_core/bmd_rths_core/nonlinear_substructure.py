@@ -16,8 +16,8 @@ from bmd_rths_core.explicit_integration import (
     kolay_ricles,
     load_matrix,
 )
-from bmd_rths_core.nonlinear_building import NonlinearConfig, nonlinear_building
 from bmd_rths_core.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
+from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, nonlinear_building
 
 
 class NonlinearSubstructure:

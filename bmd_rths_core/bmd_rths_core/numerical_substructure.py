@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
-from bmd_rths_core.shear_building import ShearBuilding, stories
+from bmd_rths_core.structure.shear_building import ShearBuilding, stories
 
 
 @dataclass(frozen=True)

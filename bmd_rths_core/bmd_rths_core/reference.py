@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.linear_simulation import LinearSimulation
-from bmd_rths_core.nonlinear_building import NonlinearBuilding
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bmd_rths_core.damping import modal_damping, rayleigh_coefficients, rayleigh_damping
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.structure.damping import modal_damping, rayleigh_coefficients, rayleigh_damping
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 BUILDING = ShearBuilding((900.0, 850.0, 800.0, 700.0), (4e6, 3.5e6, 3e6, 2e6), (0.0,) * 4)
 

@@ -14,7 +14,7 @@ from bmd_rths_core.explicit_integration import (
     explicit_newmark,
     kolay_ricles,
 )
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 METHODS = {
     "cr": chen_ricles,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bmd_rths_core.shear_building import ShearBuilding
-from bmd_rths_core.story_springs import BilinearSpring, BoucWenSpring, LinearSpring, StorySprings
+from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.story_springs import BilinearSpring, BoucWenSpring, LinearSpring, StorySprings
 
 K, UY = 2e6, 0.004
 CYCLES = np.concatenate([np.linspace(a, b, 400)[1:] for a, b in [(0, 1), (1, -1), (-1, 1)]])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.shear_building import ShearBuilding, mass_ratio
+from bmd_rths_core.structure.shear_building import ShearBuilding, mass_ratio
 
 TABLE_1 = ShearBuilding((760.0, 800.0), (2495320.0, 4941700.0), (3330.0, 78.0))
 positive = st.floats(1e-1, 1e3)

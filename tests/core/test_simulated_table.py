@@ -8,8 +8,8 @@ from scipy.signal import freqs, lsim
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.models import simulated_table
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.dynamics import series, servo_sections
 from bmd_rths_core.table.simulated import SimulatedTable, SimulatedTableConfig

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from bmd_rths_core.command_shaper import CommandShaperConfig
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, loop_of
 from bmd_rths_core.stability.elements import Delay, DiscreteCompensator, MeasuredResponse, Rational
 from bmd_rths_core.stability.models import (
@@ -23,6 +22,7 @@ from bmd_rths_core.stability.models import (
     table_sections,
     uncoupled_modes,
 )
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.dynamics import servo_sections
 
 DT = 0.005

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.command_shaper import CommandShaperConfig
-from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.continuous import LoopTransferFunction, margin_curve
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import (
@@ -18,6 +17,7 @@ from bmd_rths_core.stability.models import (
     table_sections,
     uncoupled_modes,
 )
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 DT = 0.005
 SIMPLIFIED = ShearBuilding((760.0, 800.0), (2495320.0, 4941700.0), (3330.0, 78.0))

@@ -26,7 +26,7 @@ from bmd_rths_core.identification.spectral_lines import (
     spectral_lines,
     tapered_transform,
 )
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.report.numerical_motion import NumericalMotion, stability_indicator
+from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.numerical_motion import NumericalMotion
 from bmd_rths_core.report.samples import filled
+from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]
 

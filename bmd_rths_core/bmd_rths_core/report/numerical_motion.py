@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from bmd_rths_core.assembly import make_numerical_substructure
 from bmd_rths_core.campaign.indicator_screen import IndicatorScreen
 from bmd_rths_core.config import Config
-from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.samples import filled
+from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 from bmd_rths_core.table_peaks import peak
 
 FloatArray = NDArray[np.float64]

@@ -9,7 +9,6 @@ import numpy as np
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
 from bmd_rths_core.stability.elements import LoopElement, MeasuredResponse
 from bmd_rths_core.stability.models import (
@@ -20,6 +19,7 @@ from bmd_rths_core.stability.models import (
     simulated_table,
     uncoupled_modes,
 )
+from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 #: Values of `AnalysisOptions.modes` besides a number.
 IDENTIFIED, ALL = "identified", "all"

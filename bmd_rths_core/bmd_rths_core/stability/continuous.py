@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.nonlinear_building import nonlinear_building
 from bmd_rths_core.stability.crossings import Cells, Crossings, positive_real_crossings
 from bmd_rths_core.stability.elements import ComplexArray, Delay, LoopElement, Rational
 from bmd_rths_core.stability.models import (
@@ -30,6 +29,7 @@ from bmd_rths_core.stability.models import (
     simulated_table,
     table_sections,
 )
+from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]

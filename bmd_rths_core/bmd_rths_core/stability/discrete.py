@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.shear_building import mass_ratio
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
 from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass
 from bmd_rths_core.stability.unit_circle import transfer_function
+from bmd_rths_core.structure.shear_building import mass_ratio
 
 FloatArray = NDArray[np.float64]
 

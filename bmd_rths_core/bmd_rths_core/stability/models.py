@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bmd_rths_core.command_shaper import CommandShaperConfig, transfer_function
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.nonlinear_building import NonlinearBuilding
-from bmd_rths_core.shear_building import ShearBuilding
 from bmd_rths_core.stability.elements import ComplexArray, DiscreteCompensator, Rational
+from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.dynamics import SECTION_LENGTH, series
 from bmd_rths_core.table.simulated import SimulatedTableConfig
 

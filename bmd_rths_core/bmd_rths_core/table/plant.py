@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.dynamics import StateSpace
 
 FloatArray = NDArray[np.float64]

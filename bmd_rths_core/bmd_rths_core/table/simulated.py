@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.discretisation import DiscreteStateSpace, zero_order_hold
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
-from bmd_rths_core.shear_building import ShearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.dynamics import series, servo_sections
 from bmd_rths_core.table.model_table import ModelTable

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.parameters import check_parameters, parameter
-from bmd_rths_core.shear_building import ShearBuilding, stories
+from bmd_rths_core.structure.shear_building import ShearBuilding, stories
 
 
 @dataclass(frozen=True)

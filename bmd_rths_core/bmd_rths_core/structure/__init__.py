@@ -1,0 +1,1 @@
+"""Buildings: masses, story springs, damping."""
