@@ -32,8 +32,8 @@ from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.campaign.paper_tables import PAPER_TABLES, event_of, paper_mean
 from bmd_rths_core.campaign.study import with_scheme
 from bmd_rths_core.config import Config, load_config
-from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.ground_motion.selection import prepare_ground_motion
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.metrics import compare, references_of
 from bmd_rths_core.schemes import SCHEME_NAMES
 from bmd_rths_core.shear_estimator import estimator_state_space

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from bmd_rths_core.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.parameters import check_parameters, parameter
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bmd_rths_core.discretisation import DiscreteStateSpace
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.explicit_integration import (
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.explicit_integration import (
     ExplicitIntegrator,
     IntegrationParameters,
     SystemMatrices,

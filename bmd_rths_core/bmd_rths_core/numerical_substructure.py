@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.structure.shear_building import ShearBuilding, stories
 

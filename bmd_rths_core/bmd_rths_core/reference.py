@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold
-from bmd_rths_core.linear_simulation import LinearSimulation
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
+from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
 

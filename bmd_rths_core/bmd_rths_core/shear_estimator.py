@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from bmd_rths_core.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableMeasurement

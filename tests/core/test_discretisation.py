@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete
 
-from bmd_rths_core.discretisation import first_order_hold, zero_order_hold
+from bmd_rths_core.integration.discretisation import first_order_hold, zero_order_hold
 
 
 def random_system(seed, n=4, m=2):

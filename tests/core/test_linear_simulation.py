@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim
 
-from bmd_rths_core.discretisation import DiscreteStateSpace
-from bmd_rths_core.linear_simulation import BLOCK, LinearSimulation
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.linear_simulation import BLOCK, LinearSimulation
 
 
 def random_system(size, inputs, outputs):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.explicit_integration import (
+from bmd_rths_core.integration.explicit_integration import (
     ExplicitIntegrator,
     SystemMatrices,
     amplification_matrix,

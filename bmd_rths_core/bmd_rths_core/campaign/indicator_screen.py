@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.discretisation import DiscreteStateSpace
-from bmd_rths_core.linear_simulation import LinearSimulation
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]

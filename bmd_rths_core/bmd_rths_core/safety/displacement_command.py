@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import zero_order_hold
+from bmd_rths_core.integration.discretisation import zero_order_hold
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.trips import Action, Trip
 

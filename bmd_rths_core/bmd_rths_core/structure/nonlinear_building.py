@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.explicit_integration import SystemMatrices
+from bmd_rths_core.integration.explicit_integration import SystemMatrices
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.structure.damping import modal_damping, rayleigh_coefficients, rayleigh_damping
 from bmd_rths_core.structure.shear_building import Modes, ShearBuilding, modes_of

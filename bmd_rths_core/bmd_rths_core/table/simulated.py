@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import DiscreteStateSpace, zero_order_hold
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 
 FloatArray = NDArray[np.float64]
 

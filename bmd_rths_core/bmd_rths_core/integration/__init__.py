@@ -1,0 +1,1 @@
+"""Integration in time: exact where linear, explicit where stories yield."""
