@@ -36,11 +36,11 @@ from bmd_rths_core.ground_motion.selection import prepare_ground_motion
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.metrics import compare, references_of
 from bmd_rths_core.schemes import SCHEME_NAMES
-from bmd_rths_core.shear_estimator import estimator_state_space
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop
 from bmd_rths_core.stability.discrete import discrete_margin
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import simulated_table
+from bmd_rths_core.stages.shear_estimator import estimator_state_space
 from bmd_rths_core.table.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from bmd_rths_core.command_shaper import CommandShaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.force_correction import ForceCorrection
-from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
-from bmd_rths_core.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator
-from bmd_rths_core.shear_estimator import ShearEstimator
+from bmd_rths_core.stages.force_correction import ForceCorrection
+from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
+from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
+from bmd_rths_core.stages.shear_estimator import ShearEstimator
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.faults import Faults

@@ -12,14 +12,14 @@ import yaml
 
 from bmd_rths_core.command_shaper import CommandShaperConfig
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.force_correction import ForceCorrectionConfig
 from bmd_rths_core.ground_motion.selection import GroundMotionConfig
-from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
-from bmd_rths_core.numerical_substructure import NumericalSubstructureConfig
 from bmd_rths_core.parameters import build_section, check_parameters, parameter
 from bmd_rths_core.safety import SafetyConfig
 from bmd_rths_core.schemes import SCHEME_NAMES, Scheme
-from bmd_rths_core.shear_estimator import ShearEstimatorConfig
+from bmd_rths_core.stages.force_correction import ForceCorrectionConfig
+from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
+from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureConfig
+from bmd_rths_core.stages.shear_estimator import ShearEstimatorConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig
 from bmd_rths_core.table.selection import TableConfig
 from bmd_rths_core.table.servo_hydraulic import ServoHydraulicConfig

@@ -12,7 +12,7 @@ from bmd_rths_nodes.ros.stage_node import StageNode
 
 
 class ForceCorrectionNode(StageNode):
-    """Node around `bmd_rths_core.force_correction.ForceCorrection`."""
+    """Node around `bmd_rths_core.stages.force_correction.ForceCorrection`."""
 
     ROLE = FORCE_CORRECTION
     SECTIONS = ("run", "force_correction")

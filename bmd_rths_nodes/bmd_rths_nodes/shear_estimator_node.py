@@ -13,7 +13,7 @@ from bmd_rths_nodes.ros.stage_node import StageNode
 
 
 class ShearEstimatorNode(StageNode):
-    """Node around `bmd_rths_core.shear_estimator.ShearEstimator`."""
+    """Node around `bmd_rths_core.stages.shear_estimator.ShearEstimator`."""
 
     ROLE = SHEAR_ESTIMATOR
     SECTIONS = ("run", "shear_estimator", "specimen")

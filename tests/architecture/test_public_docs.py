@@ -72,7 +72,7 @@ def problems_of(name, documented):
 
 def test_everything_public_is_documented():
     found = {name: item for m in modules() for name, item in public_objects(m, m.__name__, m.__name__)}
-    assert "bmd_rths_core.numerical_substructure.NumericalSubstructure.step" in found
+    assert "bmd_rths_core.stages.numerical_substructure.NumericalSubstructure.step" in found
     assert "bmd_rths_msgs_py.bag_reader.read_bag" in found
     assert [problem for name, item in found.items() for problem in problems_of(name, item)] == []
 

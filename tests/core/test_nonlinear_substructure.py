@@ -11,9 +11,9 @@ from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import rmse_percent, run_metrics
-from bmd_rths_core.nonlinear_substructure import NonlinearSubstructure
-from bmd_rths_core.numerical_substructure import NumericalSubstructure, NumericalSubstructureConfig
 from bmd_rths_core.reference import nonlinear_reference_response, reference_response
+from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
+from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure, NumericalSubstructureConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, nonlinear_building
 from tests.conftest import WITHOUT_LIMITS
 

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.numerical_substructure import NumericalSubstructure, NumericalSubstructureConfig
+from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure, NumericalSubstructureConfig
 
 DT = 0.005
 THREE_STORIES = NumericalSubstructureConfig((900.0, 850.0, 800.0), (4e6, 3.5e6, 3e6), (3000.0, 2500.0, 2000.0))

@@ -11,7 +11,7 @@ from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.replay import answered_replay, changed_parameters, measured_steps, replay
 from bmd_rths_core.schemes import SCHEME_NAMES
-from bmd_rths_core.shear_estimator import ShearEstimator
+from bmd_rths_core.stages.shear_estimator import ShearEstimator
 from tests.conftest import WITHOUT_LIMITS
 
 FORCES = ("interface_force", "corrected_force")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.shear_estimator import ShearEstimator, ShearEstimatorConfig, kalman_filter
+from bmd_rths_core.stages.shear_estimator import ShearEstimator, ShearEstimatorConfig, kalman_filter
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.simulated import SimulatedTable, SimulatedTableConfig
 

@@ -67,7 +67,7 @@ def test_replay_can_be_written_as_a_bag_that_replays_itself(run_main, simulated,
 def test_bag_that_is_not_reproduced_has_status_1_and_one_line_that_says_which_libraries_are_others(
     run_main, simulated, monkeypatch
 ):
-    monkeypatch.setattr("bmd_rths_core.shear_estimator.ShearEstimator.step", lambda stage, measurement: 1.0)
+    monkeypatch.setattr("bmd_rths_core.stages.shear_estimator.ShearEstimator.step", lambda stage, measurement: 1.0)
     monkeypatch.setattr("bmd_rths_core.replay.software_versions", lambda: {"numpy": "0.1"})
     status, output, errors = run_main("replay", simulated)
     assert status == 1

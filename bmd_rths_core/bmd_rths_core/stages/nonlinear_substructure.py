@@ -16,7 +16,7 @@ from bmd_rths_core.integration.explicit_integration import (
     kolay_ricles,
     load_matrix,
 )
-from bmd_rths_core.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
+from bmd_rths_core.stages.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, nonlinear_building
 
 

@@ -1,0 +1,1 @@
+"""Stages of the loop, one module each."""
