@@ -24,7 +24,7 @@ import click
 import control
 import numpy as np
 
-from bmd_rths_core.command_shaper import CommandShaperConfig, transfer_function
+from bmd_rths_core.compensators.phase_lead import CommandShaperConfig, transfer_function
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, margin_curve
 from bmd_rths_core.stability.models import (
     EQUATION_9,

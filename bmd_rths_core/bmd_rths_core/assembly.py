@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bmd_rths_core.command_shaper import CommandShaper
+from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator

@@ -12,7 +12,7 @@ from bmd_rths_nodes.ros.stage_node import StageNode
 
 
 class CommandShaperNode(StageNode):
-    """Node around `bmd_rths_core.command_shaper.CommandShaper`."""
+    """Node around `bmd_rths_core.compensators.phase_lead.CommandShaper`."""
 
     ROLE = COMMAND_SHAPER
     SECTIONS = ("run", "command_shaper")

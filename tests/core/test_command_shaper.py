@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import freqz, lfilter
 
-from bmd_rths_core.command_shaper import CommandShaper, CommandShaperConfig, stable_weights, transfer_function
+from bmd_rths_core.compensators.phase_lead import CommandShaper, CommandShaperConfig, stable_weights, transfer_function
 from bmd_rths_core.errors import InputError
 
 DT = 0.005

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bmd_rths_core.command_shaper import CommandShaperConfig
+from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, loop_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bmd_rths_core.command_shaper import CommandShaperConfig
+from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.stability.continuous import LoopTransferFunction, margin_curve
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import (

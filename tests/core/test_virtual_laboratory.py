@@ -11,8 +11,8 @@ from bmd_rths_core.assumptions import assumptions
 from bmd_rths_core.campaign.motions import read_motions
 from bmd_rths_core.campaign.paper_tables import EVENTS, PAPER_TABLES, event_of, paper_mean
 from bmd_rths_core.campaign.study import Study, run_piece, with_scheme
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
-from bmd_rths_core.schemes import SCHEME_NAMES
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop
 from bmd_rths_core.stability.assessment import assess
 from bmd_rths_core.stability.models import simulated_table

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from trajectory_msgs.msg import JointTrajectory
 
-from bmd_rths_core.command_shaper import CommandShaper
+from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop

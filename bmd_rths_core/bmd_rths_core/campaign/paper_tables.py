@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from pathlib import PurePath
 
-from bmd_rths_core.schemes import SCHEME_NAMES
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 
 #: Errors of the paper by earthquake and scheme [%]; None where the test was unstable.
 PaperTable = Mapping[str, Mapping[str, float | None]]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bmd_rths_core.command_shaper import CommandShaperConfig, transfer_function
+from bmd_rths_core.compensators.phase_lead import CommandShaperConfig, transfer_function
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.elements import ComplexArray, DiscreteCompensator, Rational
 from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding

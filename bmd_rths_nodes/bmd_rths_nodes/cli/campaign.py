@@ -19,9 +19,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from bmd_rths_core.assumptions import assumptions
 from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.campaign.study import Piece, Study
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.schemes import SCHEME_NAMES
 from bmd_rths_nodes.campaign_pool import (
     CampaignStopped,
     PieceRunner,

@@ -14,10 +14,10 @@ import click
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.library import shipped_records
-from bmd_rths_core.schemes import SCHEME_NAMES
 
 Command = Callable[..., Any]
 

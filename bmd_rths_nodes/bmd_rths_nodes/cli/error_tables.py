@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bmd_rths_core.campaign.paper_tables import PAPER_TABLES, event_of, paper_mean
-from bmd_rths_core.schemes import SCHEME_NAMES
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 
 #: Narrowest output; a terminal that is narrower wraps [characters].
 _WIDTH = 120

@@ -1,0 +1,1 @@
+"""Compensators of the table, one module each."""
