@@ -41,7 +41,7 @@ from bmd_rths_core.stability.discrete import discrete_margin
 from bmd_rths_core.stability.elements import Delay
 from bmd_rths_core.stability.models import simulated_table
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
-from bmd_rths_core.table.simulated import SimulatedTable
+from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -12,11 +12,11 @@ from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import ShearEstimator
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 from bmd_rths_core.table.controller import TableController
-from bmd_rths_core.table.faults import Faults
-from bmd_rths_core.table.servo_hydraulic import ServoHydraulicTable
-from bmd_rths_core.table.simulated import SimulatedTable
-from bmd_rths_core.table.virtual_controller import VirtualController
-from bmd_rths_core.table.virtual_table import LinearTable, VirtualTable
+from bmd_rths_core.table.emulated.faults import Faults
+from bmd_rths_core.table.emulated.virtual_controller import VirtualController
+from bmd_rths_core.table.emulated.virtual_table import LinearTable, VirtualTable
+from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable
+from bmd_rths_core.table.models.simulated import SimulatedTable
 
 
 def make_numerical_substructure(config: Config) -> NumericalSubstructure | NonlinearSubstructure:

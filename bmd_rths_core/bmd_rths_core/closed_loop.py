@@ -18,7 +18,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
-from bmd_rths_core.table.simulated import SimulatedTable
+from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
 

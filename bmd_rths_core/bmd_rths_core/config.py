@@ -21,11 +21,11 @@ from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureConfig
 from bmd_rths_core.stages.shear_estimator import ShearEstimatorConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig
-from bmd_rths_core.table.selection import TableConfig
-from bmd_rths_core.table.servo_hydraulic import ServoHydraulicConfig
-from bmd_rths_core.table.simulated import SimulatedTableConfig
-from bmd_rths_core.table.specimen import SpecimenConfig
-from bmd_rths_core.table.virtual_controller_config import VirtualControllerConfig
+from bmd_rths_core.table.config import TableConfig
+from bmd_rths_core.table.emulated.config import VirtualControllerConfig
+from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
+from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.specimen import SpecimenConfig
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import pytest
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.table.controller import TableCommand
-from bmd_rths_core.table.faults import Faults, parse_fault
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.faults import Faults, parse_fault
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
 from bmd_rths_core.table.wire import ControllerState
 from tests.faults.in_process import KINDS, outcome_of
 from tests.faults.outcome import Outcome, summary, wrong_motion

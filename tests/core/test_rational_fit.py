@@ -9,7 +9,7 @@ from bmd_rths_core.identification.rational_model import RationalModel
 from bmd_rths_core.identification.sections import sections_of
 from bmd_rths_core.identification.spectral_lines import SpectralLines
 from bmd_rths_core.identification.vector_fitting import shared_poles
-from bmd_rths_core.table.dynamics import series
+from bmd_rths_core.table.models.dynamics import series
 
 OMEGA = 2 * np.pi * np.linspace(0.5, 25.0, 1500)
 PAIR = (1.0, 3.0, 900.0)

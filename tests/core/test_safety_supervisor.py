@@ -13,7 +13,7 @@ from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.safety import Action, SafetyConfig, SafetySupervisor, State, Trip
 from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
-from bmd_rths_core.table.simulated import SimulatedTable
+from bmd_rths_core.table.models.simulated import SimulatedTable
 from tests.conftest import WITHOUT_LIMITS
 from tests.core.test_loop import EL_CENTRO
 

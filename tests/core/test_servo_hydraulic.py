@@ -11,8 +11,8 @@ from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.models import EQUATION_9
 from bmd_rths_core.table.controller import TableCommand
-from bmd_rths_core.table.sensors import Sensors
-from bmd_rths_core.table.servo_hydraulic import ServoHydraulicConfig, ServoHydraulicTable
+from bmd_rths_core.table.models.sensors import Sensors
+from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig, ServoHydraulicTable
 
 DT = 0.005
 SPECIMEN = Config().specimen.building()
@@ -133,7 +133,7 @@ def test_end_stop_holds_the_table_near_the_stroke():
 def test_a_tenth_of_the_substep_changes_the_motion_by_less_than_a_thousandth(monkeypatch):
     commands = pseudo_random(200, 0.2)
     usual = measured(make(), commands)
-    monkeypatch.setattr("bmd_rths_core.table.servo_hydraulic.LONGEST_SUBSTEP", 0.5e-4)
+    monkeypatch.setattr("bmd_rths_core.table.models.servo_hydraulic.LONGEST_SUBSTEP", 0.5e-4)
     fine = measured(make(), commands)
     assert usual / np.abs(fine).max(axis=0) == pytest.approx(fine / np.abs(fine).max(axis=0), abs=1e-3)
 

@@ -19,7 +19,7 @@ from bmd_rths_core.stability.elements import Delay, MeasuredResponse
 from bmd_rths_core.stability.models import experimental_modes, numerical_oscillator, table_sections, uncoupled_modes
 from bmd_rths_core.stability.response_file import read_frequency_response
 from bmd_rths_core.stability.unit_circle import transfer_function
-from bmd_rths_core.table.dynamics import servo_sections
+from bmd_rths_core.table.models.dynamics import servo_sections
 from tests.conftest import SERVO_TABLE
 
 DEFAULTS = AnalysisOptions()

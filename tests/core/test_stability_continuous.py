@@ -23,7 +23,7 @@ from bmd_rths_core.stability.models import (
     uncoupled_modes,
 )
 from bmd_rths_core.structure.shear_building import ShearBuilding
-from bmd_rths_core.table.dynamics import servo_sections
+from bmd_rths_core.table.models.dynamics import servo_sections
 
 DT = 0.005
 OMEGA = np.geomspace(0.1, 2000.0, 60)

@@ -15,7 +15,7 @@ from bmd_rths_core.identification.excitation import ExcitationSettings, excitati
 from bmd_rths_core.identification.output import frequency_response_text, model_text
 from bmd_rths_core.identification.spectral_lines import averaged_response, incoherent_bands
 from bmd_rths_core.identification.table_model import identify_table
-from bmd_rths_core.table.dynamics import SECTION_LENGTH, series
+from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
 from tests.conftest import SERVO_TABLE
 
 DT = 0.005

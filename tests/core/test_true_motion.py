@@ -6,8 +6,8 @@ import pytest
 from bmd_rths_core.assembly import make_virtual_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.table.controller import TableCommand
-from bmd_rths_core.table.faults import Faults
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.faults import Faults
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
 from bmd_rths_core.table.wire import ControllerState
 from tests.faults.rig import Link
 

@@ -11,10 +11,10 @@ from bmd_rths_core.assembly import make_virtual_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.table.controller import TableCommand
-from bmd_rths_core.table.faults import Fault, Faults, FaultyNetwork, parse_fault
-from bmd_rths_core.table.rest import at_rest, return_acceleration
-from bmd_rths_core.table.simulated import SimulatedTable
-from bmd_rths_core.table.virtual_controller import SESSION_SILENCE, SUBSTEP
+from bmd_rths_core.table.emulated.faults import Fault, Faults, FaultyNetwork, parse_fault
+from bmd_rths_core.table.emulated.return_to_rest import at_rest, return_acceleration
+from bmd_rths_core.table.emulated.virtual_controller import SESSION_SILENCE, SUBSTEP
+from bmd_rths_core.table.models.simulated import SimulatedTable
 from bmd_rths_core.table.wire import (
     ArmMode,
     ControllerState,

@@ -10,7 +10,7 @@ import numpy as np
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
-from bmd_rths_core.table.faults import SENSORS
+from bmd_rths_core.table.emulated.faults import SENSORS
 from bmd_rths_core.table.wire import Kind, interlock_names
 from tests.conftest import ground_motion_folder
 from tests.faults.outcome import RAMP_TIME, Outcome, wrong_motion

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
 
 #: Velocity below which a table that its controller has let go counts as standing [m/s].
 STANDING = 2e-3

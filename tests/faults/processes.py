@@ -22,8 +22,8 @@ from rosbags.highlevel import AnyReader
 from bmd_rths_core.config import load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.table.faults import SENSORS
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.faults import SENSORS
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import RECORDER, ROLES
 from tests.faults.outcome import Outcome, wrong_motion

@@ -17,8 +17,8 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.elements import ComplexArray, DiscreteCompensator, Rational
 from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
-from bmd_rths_core.table.dynamics import SECTION_LENGTH, series
-from bmd_rths_core.table.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
+from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 
 FloatArray = NDArray[np.float64]
 
@@ -229,7 +229,7 @@ def table_sections(sections: tuple[float, ...] = ()) -> Rational:
     Parameters
     ----------
     sections : tuple of float
-        Rows of six, ``b2 b1 b0 a2 a1 a0``, as `bmd_rths_core.table.dynamics.series` takes them.
+        Rows of six, ``b2 b1 b0 a2 a1 a0``, as `bmd_rths_core.table.models.dynamics.series` takes them.
 
     Returns
     -------
@@ -239,7 +239,7 @@ def table_sections(sections: tuple[float, ...] = ()) -> Rational:
     Raises
     ------
     InputError
-        See `bmd_rths_core.table.dynamics.series`; or a section has no numerator.
+        See `bmd_rths_core.table.models.dynamics.series`; or a section has no numerator.
     """
     series(sections)  # for its checks
     zeros, poles, gain = [], [], 1.0

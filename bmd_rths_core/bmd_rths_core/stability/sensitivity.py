@@ -21,7 +21,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import specs
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
 from bmd_rths_core.stability.assessment import Assessment, assess
-from bmd_rths_core.table.dynamics import SECTION_LENGTH
+from bmd_rths_core.table.models.dynamics import SECTION_LENGTH
 
 #: Relative change of every parameter.
 CHANGE = 0.1

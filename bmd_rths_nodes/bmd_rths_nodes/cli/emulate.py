@@ -11,8 +11,8 @@ import click
 from bmd_rths_core.assembly import make_virtual_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.table.faults import KINDS, Faults, parse_fault
-from bmd_rths_core.table.selection import parse_address
+from bmd_rths_core.table.config import parse_address
+from bmd_rths_core.table.emulated.faults import KINDS, Faults, parse_fault
 from bmd_rths_core.table.wire import Interlock, interlock_names
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, log

@@ -1,4 +1,4 @@
-"""Virtual table controller on UDP: sockets and clock around `bmd_rths_core.table.virtual_controller`."""
+"""Virtual table controller on UDP: sockets and clock around `bmd_rths_core.table.emulated.virtual_controller`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.table.faults import Fault, Faults, FaultyNetwork
-from bmd_rths_core.table.virtual_controller import VirtualController
+from bmd_rths_core.table.emulated.faults import Fault, Faults, FaultyNetwork
+from bmd_rths_core.table.emulated.virtual_controller import VirtualController
 from bmd_rths_core.table.wire import LONGEST_DATAGRAM
 
 #: When this process gets no turn for longer, its virtual time stands still: the host cannot be blamed for it [ns].

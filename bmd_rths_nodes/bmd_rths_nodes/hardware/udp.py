@@ -9,8 +9,8 @@ from typing import NamedTuple
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.displacement_command import DisplacementCommand, TableMotion
+from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
-from bmd_rths_core.table.selection import TableConfig
 from bmd_rths_core.table.wire import ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
 from bmd_rths_nodes.hardware.udp_link import ACCELERATION_ONLY, UdpLink
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 from bmd_rths_core.safety.displacement_command import TableMotion
-from bmd_rths_core.table.selection import TableConfig, parse_address
+from bmd_rths_core.table.config import TableConfig, parse_address
 from bmd_rths_core.table.wire import (
     LONGEST_DATAGRAM,
     MODULUS,

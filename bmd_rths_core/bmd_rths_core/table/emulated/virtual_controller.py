@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
-from bmd_rths_core.table.faults import Faults
-from bmd_rths_core.table.rest import at_rest, return_acceleration
-from bmd_rths_core.table.true_motion import TrueMotion
-from bmd_rths_core.table.virtual_controller_config import VirtualControllerConfig
-from bmd_rths_core.table.virtual_table import VirtualTable
+from bmd_rths_core.table.emulated.config import VirtualControllerConfig
+from bmd_rths_core.table.emulated.faults import Faults
+from bmd_rths_core.table.emulated.return_to_rest import at_rest, return_acceleration
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.virtual_table import VirtualTable
 from bmd_rths_core.table.wire import (
     MODULUS,
     ArmMode,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.structure.shear_building import ShearBuilding
-from bmd_rths_core.table.dynamics import StateSpace
+from bmd_rths_core.table.models.dynamics import StateSpace
 
 FloatArray = NDArray[np.float64]
 

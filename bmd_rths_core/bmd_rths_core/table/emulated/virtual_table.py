@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
-from bmd_rths_core.table.simulated import SimulatedTable
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.models.simulated import SimulatedTable
 
 
 class VirtualTable(Protocol):

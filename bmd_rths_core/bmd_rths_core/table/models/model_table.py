@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
-from bmd_rths_core.table.sensors import Sensors
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.models.sensors import Sensors
 
 
 class ModelTable(ABC):

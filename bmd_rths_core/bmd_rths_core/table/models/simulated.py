@@ -14,11 +14,11 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace, zero_or
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
-from bmd_rths_core.table.dynamics import series, servo_sections
-from bmd_rths_core.table.model_table import ModelTable
-from bmd_rths_core.table.plant import Plant, driven_plant, interacting_plant
-from bmd_rths_core.table.sensors import Sensors
-from bmd_rths_core.table.true_motion import TrueMotion
+from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.models.dynamics import series, servo_sections
+from bmd_rths_core.table.models.model_table import ModelTable
+from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
+from bmd_rths_core.table.models.sensors import Sensors
 
 FloatArray = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""A virtual table controller: the other end of the wire, with faults on demand."""

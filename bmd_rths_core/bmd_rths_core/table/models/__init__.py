@@ -1,0 +1,1 @@
+"""Models of a shake table with the specimen on it."""
