@@ -24,7 +24,7 @@ from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.campaign.study import with_scheme
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
-from bmd_rths_core.ground_motion.selection import prepare_ground_motion
+from bmd_rths_core.ground_motion.config import prepare_ground_motion
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 
 #: Mass ratios over the margin; 0 stands for the campaign itself.

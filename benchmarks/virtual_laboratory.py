@@ -33,7 +33,7 @@ from bmd_rths_core.campaign.paper_tables import PAPER_TABLES, event_of, paper_me
 from bmd_rths_core.campaign.study import with_scheme
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
-from bmd_rths_core.ground_motion.selection import prepare_ground_motion
+from bmd_rths_core.ground_motion.config import prepare_ground_motion
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.metrics import compare, references_of
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop

@@ -13,7 +13,7 @@ import yaml
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES, Scheme
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.selection import GroundMotionConfig
+from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.parameters import build_section, check_parameters, parameter
 from bmd_rths_core.safety import SafetyConfig
 from bmd_rths_core.stages.force_correction import ForceCorrectionConfig

@@ -13,8 +13,8 @@ from bmd_rths_core.campaign.engine import CampaignRun
 from bmd_rths_core.campaign.study import Piece, PlannedRun, key_of_run, result_of_run
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.config import prepare_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.selection import prepare_ground_motion
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import RunAnalysis, analysed
 from bmd_rths_msgs_py.bag_reader import bag_is_whole, read_bag

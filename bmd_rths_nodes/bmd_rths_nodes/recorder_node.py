@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 
 from bmd_rths_core.config import SECTIONS, Config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.record import TimingStatistics, provenance
 from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_msgs_py.bag_writer import BagWriter

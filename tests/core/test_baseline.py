@@ -6,7 +6,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion import GroundMotion, high_pass, read_ground_motion, scale_time
-from bmd_rths_core.ground_motion.selection import GroundMotionConfig, prepare_ground_motion, select_ground_motion
+from bmd_rths_core.ground_motion.config import GroundMotionConfig, prepare_ground_motion, select_ground_motion
 from tests.conftest import ground_motion_folder
 
 STEP = 0.01

@@ -8,7 +8,7 @@ import pytest
 from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.identification.driving import DrivingStopped, drive, responses_of
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.table.controller import TableMeasurement

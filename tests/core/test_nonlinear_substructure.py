@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 from bmd_rths_core.assembly import make_numerical_substructure
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.selection import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import rmse_percent, run_metrics
 from bmd_rths_core.reference import nonlinear_reference_response, reference_response

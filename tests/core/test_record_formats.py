@@ -27,9 +27,9 @@ from bmd_rths_core.ground_motion import (
     read_simcenter,
 )
 from bmd_rths_core.ground_motion.catalogue import catalogue, record_files
+from bmd_rths_core.ground_motion.config import GroundMotionConfig, select_ground_motion
 from bmd_rths_core.ground_motion.intensity import peak_velocity
 from bmd_rths_core.ground_motion.library import FORMATS
-from bmd_rths_core.ground_motion.selection import GroundMotionConfig, select_ground_motion
 from tests.conftest import ground_motion_folder
 from tests.core.record_samples import COMPONENTS, SAMPLES, TIME, TIME_STEP, cosmos, csmip, knet, mat
 

@@ -8,7 +8,7 @@ import pytest
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.replay import answered_replay, changed_parameters, measured_steps, replay
 from bmd_rths_core.stages.shear_estimator import ShearEstimator

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.plots.histories import thinned
 from bmd_rths_core.plots.report_drawing import draw, height_of, svg_of

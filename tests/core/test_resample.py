@@ -23,7 +23,7 @@ from bmd_rths_core.ground_motion import (
     scale_to_peak,
     truncate,
 )
-from bmd_rths_core.ground_motion.selection import GroundMotionConfig, select_ground_motion
+from bmd_rths_core.ground_motion.config import GroundMotionConfig, select_ground_motion
 
 FloatArray = NDArray[np.float64]
 

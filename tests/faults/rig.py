@@ -17,7 +17,7 @@ from bmd_rths_core.assembly import (
     make_virtual_controller,
 )
 from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.safety import Action, bring_to_rest
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.faults import Faults, FaultyNetwork, parse_fault

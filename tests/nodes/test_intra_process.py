@@ -8,7 +8,7 @@ from lifecycle_msgs.msg import Transition
 from rclpy.qos import QoSProfile
 
 from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import COMMAND, ROLES, SCALAR_TOPICS

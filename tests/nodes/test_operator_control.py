@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.table.wire import Interlock
 from bmd_rths_msgs_py.bag_reader import read_bag

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.record import TimingStatistics
 from bmd_rths_core.report.analysis import analysed

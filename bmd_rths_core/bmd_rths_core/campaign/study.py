@@ -16,7 +16,7 @@ from bmd_rths_core.campaign.motions import CampaignMotion
 from bmd_rths_core.campaign.paper_tables import event_of
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.selection import prepare_ground_motion
+from bmd_rths_core.ground_motion.config import prepare_ground_motion
 from bmd_rths_core.metrics import compare, references_of
 from bmd_rths_core.version import __version__
 

@@ -1,16 +1,17 @@
 """Ground motions: read recorded accelerations and bring them to the time step and the strength of a test."""
 
-from bmd_rths_core.ground_motion.at2 import read_at2
-from bmd_rths_core.ground_motion.cosmos import read_cosmos
-from bmd_rths_core.ground_motion.csmip import read_csmip
-from bmd_rths_core.ground_motion.csv_reader import read_csv
-from bmd_rths_core.ground_motion.cwa import read_cwa
-from bmd_rths_core.ground_motion.esm import read_esm
-from bmd_rths_core.ground_motion.geonet import read_geonet
-from bmd_rths_core.ground_motion.jma import read_jma
-from bmd_rths_core.ground_motion.knet import read_knet
+from bmd_rths_core.ground_motion.formats.at2 import read_at2
+from bmd_rths_core.ground_motion.formats.cosmos import read_cosmos
+from bmd_rths_core.ground_motion.formats.csmip import read_csmip
+from bmd_rths_core.ground_motion.formats.csv_columns import read_csv
+from bmd_rths_core.ground_motion.formats.cwa import read_cwa
+from bmd_rths_core.ground_motion.formats.esm import read_esm
+from bmd_rths_core.ground_motion.formats.geonet import read_geonet
+from bmd_rths_core.ground_motion.formats.jma import read_jma
+from bmd_rths_core.ground_motion.formats.knet import read_knet
+from bmd_rths_core.ground_motion.formats.mat import read_mat
+from bmd_rths_core.ground_motion.formats.simcenter import read_simcenter
 from bmd_rths_core.ground_motion.library import read_ground_motion, shipped_records
-from bmd_rths_core.ground_motion.mat import read_mat
 from bmd_rths_core.ground_motion.motion import STANDARD_GRAVITY, GroundMotion
 from bmd_rths_core.ground_motion.processing import (
     fade_in,
@@ -22,7 +23,6 @@ from bmd_rths_core.ground_motion.processing import (
     scale_to_peak,
     truncate,
 )
-from bmd_rths_core.ground_motion.simcenter import read_simcenter
 
 __all__ = [
     "STANDARD_GRAVITY",

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import Channel, to_motion
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
+from bmd_rths_core.ground_motion.formats.record_format import Channel, to_motion
 from bmd_rths_core.ground_motion.intensity import Intensity, intensity
 from bmd_rths_core.ground_motion.library import format_of
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile, read_file
 
 
 @dataclass(frozen=True)

@@ -9,20 +9,20 @@ from importlib import resources
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.at2 import AT2
-from bmd_rths_core.ground_motion.cosmos import COSMOS
-from bmd_rths_core.ground_motion.csmip import CSMIP
-from bmd_rths_core.ground_motion.csv_reader import CSV
-from bmd_rths_core.ground_motion.cwa import CWA
-from bmd_rths_core.ground_motion.esm import ESM
-from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, RecordFormat, choose
-from bmd_rths_core.ground_motion.geonet import GEONET
-from bmd_rths_core.ground_motion.jma import JMA
-from bmd_rths_core.ground_motion.knet import KNET
-from bmd_rths_core.ground_motion.mat import MAT
+from bmd_rths_core.ground_motion.formats.at2 import AT2
+from bmd_rths_core.ground_motion.formats.cosmos import COSMOS
+from bmd_rths_core.ground_motion.formats.csmip import CSMIP
+from bmd_rths_core.ground_motion.formats.csv_columns import CSV
+from bmd_rths_core.ground_motion.formats.cwa import CWA
+from bmd_rths_core.ground_motion.formats.esm import ESM
+from bmd_rths_core.ground_motion.formats.geonet import GEONET
+from bmd_rths_core.ground_motion.formats.jma import JMA
+from bmd_rths_core.ground_motion.formats.knet import KNET
+from bmd_rths_core.ground_motion.formats.mat import MAT
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
+from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, ONLY, RecordFormat, choose
+from bmd_rths_core.ground_motion.formats.simcenter import SIMCENTER
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile, read_file
-from bmd_rths_core.ground_motion.simcenter import SIMCENTER
 
 #: The formats that are read. A new one is a new module, and one entry here.
 FORMATS: tuple[RecordFormat, ...] = (AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.compensators.schemes import Scheme
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop import RthsLoop
 from bmd_rths_core.metrics import reference_of, rmse_percent
 from bmd_rths_core.paper_figures.comparison import Comparison

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.paper_figures.catalogue import FigureData, figure_data
 from bmd_rths_core.paper_figures.systems import FIGURES, system_of
 from bmd_rths_core.paper_figures.time_history import TimeHistory

@@ -8,7 +8,7 @@ import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.selection import select_ground_motion
+from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.bag_reader import read_bag

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
 
 # " 3251 POINTS OF ACCEL DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: CM/SEC/SEC)" in 8F10.3, or later
 # "15200 points of accel data equally spaced at  .005 sec, in cm/sec2. (8f10.6)"

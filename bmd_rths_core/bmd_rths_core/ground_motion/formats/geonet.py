@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
 
 _TEXT_LINES = 16
 # Ten lines of numbers behind the text: four of integers and six of real numbers, ten of 8 characters in each

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bmd_rths_core.ground_motion.formats import FROM_FILE, Channel, RecordFormat
-from bmd_rths_core.ground_motion.header import Header
+from bmd_rths_core.ground_motion.formats.header import Header
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import quoted
 
 # "#SampleRate(Hz): 50", and empty lines between the parts of the header
 _ENTRY = re.compile(r"(?=#|\s*$)#?([^:]*):?(.*)")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
 
 
 @dataclass(frozen=True)

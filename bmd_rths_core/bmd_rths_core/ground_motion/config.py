@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import FROM_FILE, ONLY, UNIT_CHOICES
+from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, ONLY, UNIT_CHOICES
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import (

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import quoted
 
 
 def read_simcenter(path: str | Path, component: str, unit: str) -> GroundMotion:

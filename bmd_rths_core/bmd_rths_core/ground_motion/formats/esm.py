@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
-from bmd_rths_core.ground_motion.header import Header
+from bmd_rths_core.ground_motion.formats.header import Header
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import quoted
 
 # "SAMPLING_INTERVAL_S: 0.005000"
 _ENTRY = re.compile(r"([A-Z][A-Z0-9_/^]*):(.*)")

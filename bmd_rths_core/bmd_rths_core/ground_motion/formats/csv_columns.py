@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import UNITS_READ, quoted, unit_factor
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import UNITS_READ, quoted, unit_factor
 
 #: Largest deviation of one interval of the time column from the time step, as a part of the time step.
 TIME_TOLERANCE = 1e-6

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.units import UNITS_READ, quoted, unit_factor
+from bmd_rths_core.ground_motion.formats.units import UNITS_READ, quoted, unit_factor
 
 #: Largest file that is read [bytes]; an hour of three components in text is smaller.
 MAX_BYTES = 100_000_000

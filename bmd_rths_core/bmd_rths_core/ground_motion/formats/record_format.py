@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
+from bmd_rths_core.ground_motion.formats.units import listed, quoted, unit_factor
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile, read_file
-from bmd_rths_core.ground_motion.units import listed, quoted, unit_factor
 
 #: The component of a file that has only one.
 ONLY = "only"

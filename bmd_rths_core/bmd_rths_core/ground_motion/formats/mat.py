@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import ONLY, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import ONLY, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import quoted
 
 #: Largest deviation of a time from its place in equal steps, as a part of the time step; single precision needs it.
 TIME_TOLERANCE = 1e-3

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import UNITS_READ, listed, quoted, unit_factor
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import UNITS_READ, listed, quoted, unit_factor
 
 _SIZE_LINE = re.compile(r"\bNPTS\b", re.IGNORECASE)
 # "NPTS=  4000, DT= .01000 SEC", also without comma, without SEC, in lower case and with text after it

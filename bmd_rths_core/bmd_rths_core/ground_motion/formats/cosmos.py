@@ -6,10 +6,10 @@ import re
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats import ONLY, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import ONLY, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import quoted
 
 _FORMAT = r"format\s*=\s*\(\s*([0-9]{1,2})[FEG]([0-9]{1,2})\.[0-9]+\)"
 # " 100 Real-header values follow on  20 lines, Format= (5F15.6)"

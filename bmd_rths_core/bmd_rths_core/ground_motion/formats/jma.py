@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from bmd_rths_core.ground_motion.formats import FROM_FILE, Channel, RecordFormat
-from bmd_rths_core.ground_motion.header import Header
+from bmd_rths_core.ground_motion.formats.header import Header
+from bmd_rths_core.ground_motion.formats.record_file import RecordFile
+from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.ground_motion.record_file import RecordFile
-from bmd_rths_core.ground_motion.units import quoted
 
 # " SAMPLING RATE= 100Hz"
 _ENTRY = re.compile(r"\s*([A-Z][A-Z. ]*)=(.*)")

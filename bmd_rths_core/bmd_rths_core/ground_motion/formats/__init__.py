@@ -1,0 +1,1 @@
+"""Readers of ground-motion files, one format a module."""
