@@ -33,13 +33,13 @@ import numpy as np
 from scipy.signal import dlsim
 
 from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_nodes.campaign_results import CSV_NAME
 
 CONFIG = Path(__file__).parents[1] / "config" / "simplified_bmd.yaml"

@@ -29,12 +29,12 @@ import numpy as np
 
 from bmd_rths_core import assembly
 from bmd_rths_core.config import Config, load_config
-from bmd_rths_core.deadlines import DeadlineMonitor
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import scale_time
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.deadlines import DeadlineMonitor
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_msgs_py import topics
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec

@@ -10,7 +10,7 @@ import numpy as np
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import FloatArray
 from bmd_rths_core.safety import Action
 from bmd_rths_core.safety.displacement_command import stroke_trips

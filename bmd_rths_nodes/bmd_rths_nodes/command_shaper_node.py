@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from bmd_rths_core.assembly import make_command_shaper
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.build import make_command_shaper
 from bmd_rths_msgs_py.topics import COMMAND, COMMAND_SHAPER, DESIRED_ACCELERATION
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from bmd_rths_core.assembly import make_force_correction
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.build import make_force_correction
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, FORCE_CORRECTION, INTERFACE_FORCE, REQUIRED_FORCE
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode

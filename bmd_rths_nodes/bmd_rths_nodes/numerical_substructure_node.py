@@ -7,10 +7,10 @@ import math
 import sys
 import time
 
-from bmd_rths_core.assembly import make_numerical_substructure, make_stability_indicator
 from bmd_rths_core.config import Config
-from bmd_rths_core.deadlines import DeadlineMonitor
 from bmd_rths_core.ground_motion.config import select_ground_motion
+from bmd_rths_core.loop.build import make_numerical_substructure, make_stability_indicator
+from bmd_rths_core.loop.deadlines import DeadlineMonitor
 from bmd_rths_core.safety import Action, Trip
 from bmd_rths_msgs_py.topics import (
     CORRECTED_FORCE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from bmd_rths_core.assembly import make_shear_estimator
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.build import make_shear_estimator
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.topics import INTERFACE_FORCE, MEASUREMENT, SHEAR_ESTIMATOR
 from bmd_rths_nodes.ros.spin import run_nodes

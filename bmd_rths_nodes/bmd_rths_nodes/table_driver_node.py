@@ -7,9 +7,9 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 
-from bmd_rths_core.assembly import make_supervisor
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.build import make_supervisor
 from bmd_rths_core.safety import Action, State, halt
 from bmd_rths_core.table.controller import AsynchronousTableController, NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER

@@ -51,7 +51,11 @@ def test_the_contracts_hold():
     [
         ("bmd_rths_core.compensators.phase_lead", "import rclpy", "bmd_rths_core is not allowed to import rclpy"),
         ("bmd_rths_core.table.models.simulated", "import time", "bmd_rths_core is not allowed to import time"),
-        ("bmd_rths_core.loop", "from datetime import datetime", "bmd_rths_core is not allowed to import datetime"),
+        (
+            "bmd_rths_core.loop.rths_loop",
+            "from datetime import datetime",
+            "bmd_rths_core is not allowed to import datetime",
+        ),
         ("bmd_rths_core.table.controller", "import socket", "bmd_rths_core is not allowed to import socket"),
         ("bmd_rths_core.record", "from mcap.writer import Writer", "bmd_rths_core is not allowed to import mcap"),
         ("bmd_rths_core.metrics", "import matplotlib.pyplot", "bmd_rths_core is not allowed to import matplotlib"),

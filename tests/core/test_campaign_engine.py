@@ -9,7 +9,7 @@ from bmd_rths_core.campaign.engine import SelectedMotion, run_motions
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.models import EQUATION_9
 from tests.conftest import WITHOUT_LIMITS

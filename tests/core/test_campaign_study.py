@@ -9,7 +9,7 @@ from bmd_rths_core.campaign.study import PIECE, Study, key_of_run, run_piece
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.metrics import run_metrics
 from tests.conftest import ground_motion_folder
 from tests.core.record_samples import SAMPLES

@@ -2,7 +2,7 @@
 
 import math
 
-from bmd_rths_core.deadlines import DeadlineMonitor
+from bmd_rths_core.loop.deadlines import DeadlineMonitor
 
 
 def test_steps_that_close_in_time_give_their_closure_times():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.identification.driving import DrivingStopped, drive, responses_of
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.build import make_supervisor, make_table_controller
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableMeasurement
 
 DT = 0.005

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin
 from bmd_rths_core.stability.models import EQUATION_9
 

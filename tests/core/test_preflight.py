@@ -8,7 +8,7 @@ import pytest
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.preflight import predict_test
 from tests.conftest import WITHOUT_LIMITS
 

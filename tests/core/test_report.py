@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from bmd_rths_core.assembly import make_numerical_substructure
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.build import make_numerical_substructure
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_core.report.comparison import MOST_CURVES, comparisons
 from bmd_rths_core.report.energy import energy_history

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.plots.histories import thinned
 from bmd_rths_core.plots.report_drawing import draw, height_of, svg_of
 from bmd_rths_core.plots.report_pdf import _pieces, _sheets, write_pdf

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig, select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.safety import Action, SafetyConfig, StabilityIndicator
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from tests.conftest import ground_motion_folder

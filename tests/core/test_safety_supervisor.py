@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.safety import Action, SafetyConfig, SafetySupervisor, State, Trip
 from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.driving import drive
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
 from bmd_rths_core.identification.specimen_model import identify_specimen
+from bmd_rths_core.loop.build import make_supervisor, make_table_controller
 
 DT = 0.005
 BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0)

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from bmd_rths_core.closed_loop import ClosedLoop, closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.loop.closed_loop import ClosedLoop, closed_loop
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop, sweep
 from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import confirm, free_growth

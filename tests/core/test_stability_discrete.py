@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction
 from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.elements import Delay

@@ -7,7 +7,6 @@ import control
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.driving import drive
@@ -15,6 +14,7 @@ from bmd_rths_core.identification.excitation import ExcitationSettings, excitati
 from bmd_rths_core.identification.output import frequency_response_text, model_text
 from bmd_rths_core.identification.spectral_lines import averaged_response, incoherent_bands
 from bmd_rths_core.identification.table_model import identify_table
+from bmd_rths_core.loop.build import make_supervisor, make_table_controller
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
 from tests.conftest import SERVO_TABLE
 

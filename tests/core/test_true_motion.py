@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bmd_rths_core.assembly import make_virtual_controller
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.build import make_virtual_controller
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.emulated.faults import Faults
 from bmd_rths_core.table.emulated.true_motion import TrueMotion

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bmd_rths_core.assembly import make_virtual_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.build import make_virtual_controller
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.emulated.faults import Fault, Faults, FaultyNetwork, parse_fault
 from bmd_rths_core.table.emulated.return_to_rest import at_rest, return_acceleration

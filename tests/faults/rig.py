@@ -7,7 +7,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from bmd_rths_core.assembly import (
+from bmd_rths_core.config import Config
+from bmd_rths_core.ground_motion.config import select_ground_motion
+from bmd_rths_core.loop.build import (
     make_command_shaper,
     make_force_correction,
     make_numerical_substructure,
@@ -16,8 +18,6 @@ from bmd_rths_core.assembly import (
     make_supervisor,
     make_virtual_controller,
 )
-from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.safety import Action, bring_to_rest
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.faults import Faults, FaultyNetwork, parse_fault

@@ -10,7 +10,7 @@ from rosbags.highlevel import AnyReader
 
 from bmd_rths_core.config import load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 

@@ -9,7 +9,7 @@ from rclpy.qos import QoSProfile
 
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import COMMAND, ROLES, SCALAR_TOPICS
 from bmd_rths_nodes.ros.intra_process import IntraProcess

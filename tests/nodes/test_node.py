@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
 from bmd_rths_nodes.ros import status

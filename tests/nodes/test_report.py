@@ -11,7 +11,7 @@ import pytest
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import TimingStatistics
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.record_bag import write_record

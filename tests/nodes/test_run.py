@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
 from tests.conftest import WITHOUT_LIMITS

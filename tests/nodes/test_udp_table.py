@@ -14,7 +14,7 @@ from scipy import signal
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import NoAnswer, TableCommand
 from bmd_rths_core.table.emulated.faults import parse_fault
 from bmd_rths_core.table.wire import (

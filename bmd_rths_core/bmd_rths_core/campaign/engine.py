@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.campaign.limits import SCREENED, LimitEnd, LimitScreen, SignalChunk
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import RunRecord, empty_signals, provenance
 
 FloatArray = NDArray[np.float64]

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.assembly import make_stability_indicator, make_supervisor
 from bmd_rths_core.campaign.indicator_screen import IndicatorScreen, running_mean
 from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
+from bmd_rths_core.loop.build import make_stability_indicator, make_supervisor
 from bmd_rths_core.safety import Action, SafetySupervisor, StabilityIndicator
 from bmd_rths_core.safety.motion import LARGEST_MOTION, Motion
 from bmd_rths_core.safety.supervisor import OFFSET_TIME

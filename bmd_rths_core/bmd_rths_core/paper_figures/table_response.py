@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.assembly import make_supervisor, make_table_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.driving import DrivingStopped, drive
@@ -18,6 +17,7 @@ from bmd_rths_core.identification.frequency_response import (
     estimate_frequency_response,
     without_hold,
 )
+from bmd_rths_core.loop.build import make_supervisor, make_table_controller
 from bmd_rths_core.paper_figures.comparison import Comparison
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, SIMPLIFIED, PaperSystem, table_name
 from bmd_rths_core.stability.elements import Delay

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, StabilityMargin
 from bmd_rths_core.stability.discrete import (

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bmd_rths_core.closed_loop import ClosedLoop, closed_loop
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.closed_loop import ClosedLoop, closed_loop
 from bmd_rths_core.stability.continuous import StabilityMargin
 from bmd_rths_core.stability.discrete import with_mass_ratio
 

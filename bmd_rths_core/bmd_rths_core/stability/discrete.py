@@ -12,9 +12,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
 from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass

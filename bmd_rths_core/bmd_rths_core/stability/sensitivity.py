@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.closed_loop import closed_loop
 from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.parameters import specs
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
 from bmd_rths_core.stability.assessment import Assessment, assess

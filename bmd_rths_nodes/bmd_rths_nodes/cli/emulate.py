@@ -8,9 +8,9 @@ from functools import partial
 
 import click
 
-from bmd_rths_core.assembly import make_virtual_controller
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.build import make_virtual_controller
 from bmd_rths_core.table.config import parse_address
 from bmd_rths_core.table.emulated.faults import KINDS, Faults, parse_fault
 from bmd_rths_core.table.wire import Interlock, interlock_names

@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.table import Table
 
-from bmd_rths_core.assembly import make_supervisor
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.driving import DrivingStopped, Responses, drive, responses_of
@@ -23,6 +22,7 @@ from bmd_rths_core.identification.output import frequency_response_text, model_t
 from bmd_rths_core.identification.specimen_model import SpecimenModel, identify_specimen
 from bmd_rths_core.identification.spectral_lines import LEAST_COHERENCE
 from bmd_rths_core.identification.table_model import LARGEST_ORDER, TableModel, identify_table
+from bmd_rths_core.loop.build import make_supervisor
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop import RthsLoop
+from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.report.analysis import analysed
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.assembly import make_command_shaper, make_force_correction, make_numerical_substructure
 from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.loop.build import make_command_shaper, make_force_correction, make_numerical_substructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
 from bmd_rths_core.table.models.simulated import SimulatedTable

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from bmd_rths_core.assembly import (
+from bmd_rths_core.config import Config
+from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.loop.build import (
     make_command_shaper,
     make_force_correction,
     make_numerical_substructure,
@@ -14,8 +16,6 @@ from bmd_rths_core.assembly import (
     make_supervisor,
     make_table_controller,
 )
-from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.record import FloatArray, RunRecord, empty_signals, provenance
 from bmd_rths_core.safety import bring_to_rest
 from bmd_rths_core.table.controller import TableCommand, TableController
