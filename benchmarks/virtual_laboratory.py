@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 from scipy.signal import lfilter
 
+from bmd_rths_core.analysis.metrics import compare, references_of
 from bmd_rths_core.campaign.engine import SelectedMotion, run_motions
 from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.campaign.paper_tables import PAPER_TABLES, event_of, paper_mean
@@ -35,7 +36,6 @@ from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import prepare_ground_motion
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.loop.build import make_command_shaper, make_force_correction, make_numerical_substructure
-from bmd_rths_core.metrics import compare, references_of
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop
 from bmd_rths_core.stability.discrete import discrete_margin
 from bmd_rths_core.stability.elements import Delay

@@ -58,7 +58,11 @@ def test_the_contracts_hold():
         ),
         ("bmd_rths_core.table.controller", "import socket", "bmd_rths_core is not allowed to import socket"),
         ("bmd_rths_core.record", "from mcap.writer import Writer", "bmd_rths_core is not allowed to import mcap"),
-        ("bmd_rths_core.metrics", "import matplotlib.pyplot", "bmd_rths_core is not allowed to import matplotlib"),
+        (
+            "bmd_rths_core.analysis.metrics",
+            "import matplotlib.pyplot",
+            "bmd_rths_core is not allowed to import matplotlib",
+        ),
         (
             "bmd_rths_core.safety.config",
             "import bmd_rths_core.compensators.phase_lead",

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bmd_rths_core.benchmark_criteria import benchmark_criteria, peak_error_percent
+from bmd_rths_core.analysis.benchmark_criteria import benchmark_criteria, peak_error_percent
+from bmd_rths_core.analysis.table_peaks import table_peaks
 from bmd_rths_core.config import Config
 from bmd_rths_core.record import RunRecord, empty_signals
-from bmd_rths_core.table_peaks import table_peaks
 
 DT = 0.005
 STEPS = 4000

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bmd_rths_core.analysis.metrics import run_metrics
 from bmd_rths_core.campaign.motions import read_motions
 from bmd_rths_core.campaign.paper_tables import EVENTS, TABLE_2, TABLE_3, event_of, paper_mean
 from bmd_rths_core.campaign.study import PIECE, Study, key_of_run, run_piece
@@ -10,7 +11,6 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import run_metrics
 from tests.conftest import ground_motion_folder
 from tests.core.record_samples import SAMPLES
 

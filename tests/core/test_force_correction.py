@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bmd_rths_core.analysis.metrics import reference_of
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import GroundMotionConfig, select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import reference_of
 from bmd_rths_core.stability.discrete import configured_mass_ratio
 from bmd_rths_core.stages.force_correction import ForceCorrection, ForceCorrectionConfig
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from bmd_rths_core.analysis.metrics import run_metrics
+from bmd_rths_core.analysis.reference import reference_response
 from bmd_rths_core.compensators.schemes import Scheme
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import run_metrics
-from bmd_rths_core.reference import reference_response
 
 IDEAL = Config().changed(
     run__scheme="uc",

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bmd_rths_core.analysis.metrics import rmse_percent, run_metrics, tracking_delay
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import rmse_percent, run_metrics, tracking_delay
 
 DT = 0.005
 TIME = np.arange(2000) * DT

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bmd_rths_core.analysis.metrics import rmse_percent, run_metrics
+from bmd_rths_core.analysis.reference import nonlinear_reference_response, reference_response
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.build import make_numerical_substructure
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import rmse_percent, run_metrics
-from bmd_rths_core.reference import nonlinear_reference_response, reference_response
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure, NumericalSubstructureConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, nonlinear_building

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from bmd_rths_core.analysis.metrics import run_metrics
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import run_metrics
 from bmd_rths_core.paper_figures.margins import TOLERANCE, figure_7, figure_8, figure_11, resolved_curve
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, SIMPLIFIED, system_of, table_name
 from bmd_rths_core.paper_figures.table_response import equivalent_delay, figure_6, figure_10

@@ -13,10 +13,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
+from bmd_rths_core.analysis.metrics import run_metrics
 from bmd_rths_core.config import load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import run_metrics
 from bmd_rths_core.paper_figures.catalogue import figure_data
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, FIGURES
 from bmd_rths_core.plots import FORMATS

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bmd_rths_core.analysis.preflight import predict_test
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.preflight import predict_test
 from tests.conftest import WITHOUT_LIMITS
 
 EIGHT_STORY = Path(__file__).parents[2] / "config" / "eight_story_bmd.yaml"

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
+from bmd_rths_core.analysis.reference import reference_response
 from bmd_rths_core.config import Config
-from bmd_rths_core.reference import reference_response
 
 DT = 0.005
 

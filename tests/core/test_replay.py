@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bmd_rths_core.analysis.replay import answered_replay, changed_parameters, measured_steps, replay
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.replay import answered_replay, changed_parameters, measured_steps, replay
 from bmd_rths_core.stages.shear_estimator import ShearEstimator
 from tests.conftest import WITHOUT_LIMITS
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bmd_rths_core.assumptions import assumptions
+from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.campaign.motions import read_motions
 from bmd_rths_core.campaign.paper_tables import EVENTS, PAPER_TABLES, event_of, paper_mean
 from bmd_rths_core.campaign.study import Study, run_piece, with_scheme

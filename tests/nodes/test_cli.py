@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
+from bmd_rths_core.analysis.metrics import run_metrics
 from bmd_rths_core.config import load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import run_metrics
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.main import COMMANDS
 from bmd_rths_nodes.naming import new_bag_directory

@@ -68,7 +68,7 @@ def test_bag_that_is_not_reproduced_has_status_1_and_one_line_that_says_which_li
     run_main, simulated, monkeypatch
 ):
     monkeypatch.setattr("bmd_rths_core.stages.shear_estimator.ShearEstimator.step", lambda stage, measurement: 1.0)
-    monkeypatch.setattr("bmd_rths_core.replay.software_versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr("bmd_rths_core.analysis.replay.software_versions", lambda: {"numpy": "0.1"})
     status, output, errors = run_main("replay", simulated)
     assert status == 1
     assert "401, the first is 0" in output

@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from bmd_rths_core.analysis.metrics import compare, references_of
 from bmd_rths_core.campaign.engine import CampaignRun, SelectedMotion, run_motions
 from bmd_rths_core.campaign.motions import CampaignMotion
 from bmd_rths_core.campaign.paper_tables import event_of
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import prepare_ground_motion
-from bmd_rths_core.metrics import compare, references_of
 from bmd_rths_core.version import __version__
 
 #: Most motions of a piece: enough to be fast together, few enough to be shared among processes.

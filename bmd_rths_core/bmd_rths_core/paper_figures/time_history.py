@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.metrics import reference_of, rmse_percent
 from bmd_rths_core.compensators.schemes import Scheme
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.metrics import reference_of, rmse_percent
 from bmd_rths_core.paper_figures.comparison import Comparison
 
 FloatArray = NDArray[np.float64]

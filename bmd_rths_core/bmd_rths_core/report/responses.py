@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.benchmark_criteria import peak_error_percent
-from bmd_rths_core.metrics import rmse_percent
+from bmd_rths_core.analysis.benchmark_criteria import peak_error_percent
+from bmd_rths_core.analysis.metrics import rmse_percent
+from bmd_rths_core.analysis.table_peaks import peak
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.numerical_motion import NumericalMotion
-from bmd_rths_core.table_peaks import peak
 
 FloatArray = NDArray[np.float64]
 

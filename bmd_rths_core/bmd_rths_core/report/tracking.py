@@ -8,8 +8,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.metrics import tracking_delay
 from bmd_rths_core.identification.frequency_response import FrequencyResponse, estimate_frequency_response
-from bmd_rths_core.metrics import tracking_delay
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.samples import filled
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.signal
 
+from bmd_rths_core.analysis.table_peaks import peak
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.safety import SafetyConfig
-from bmd_rths_core.table_peaks import peak
 
 
 def largest_increment(record: RunRecord) -> float:

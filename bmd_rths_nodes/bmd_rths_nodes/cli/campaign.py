@@ -16,7 +16,7 @@ import click
 import yaml
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from bmd_rths_core.assumptions import assumptions
+from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
 from bmd_rths_core.campaign.study import Piece, Study
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from bmd_rths_core.analysis.preflight import Preflight, predict_test
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.motion import GroundMotion
-from bmd_rths_core.preflight import Preflight, predict_test
 from bmd_rths_nodes.cli.options import progress_bar
 from bmd_rths_nodes.cli.results import without_nan
 

@@ -14,11 +14,11 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from bmd_rths_core.analysis.replay import Replay, SignalDifference, answered_replay, changed_parameters
+from bmd_rths_core.analysis.replay import replay as replay_in_process
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.replay import Replay, SignalDifference, answered_replay, changed_parameters
-from bmd_rths_core.replay import replay as replay_in_process
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_msgs_py.topics import FORCE_CORRECTION, SHEAR_ESTIMATOR

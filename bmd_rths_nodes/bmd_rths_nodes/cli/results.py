@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bmd_rths_core.assumptions import assumptions
+from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.report.analysis import RunAnalysis
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from bmd_rths_core.analysis.table_peaks import peak
 from bmd_rths_core.report.analysis import RunAnalysis
 from bmd_rths_core.report.document import Table
 from bmd_rths_core.report.responses import FloorResponses
 from bmd_rths_core.report.run_report import RunReport
 from bmd_rths_core.report.watched import largest_increment, largest_tracking_error
-from bmd_rths_core.table_peaks import peak
 from bmd_rths_nodes.report.wording import number, significant
 
 _J = ("J1 tracking delay [ms]", "J2 tracking error [%]", "J3 peak tracking error [%]")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bmd_rths_core.assumptions import assumptions
+from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import RunAnalysis
 

@@ -11,10 +11,10 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
+from bmd_rths_core.analysis.replay import measured_steps, measurement_at
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.replay import measured_steps, measurement_at
 from bmd_rths_msgs_py.cdr import MalformedMessage, ScalarCodec
 from bmd_rths_msgs_py.topics import (
     COMMAND,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.metrics import rmse_percent, tracking_delay
+from bmd_rths_core.analysis.metrics import rmse_percent, tracking_delay
 from bmd_rths_core.record import RunRecord
 
 FloatArray = NDArray[np.float64]

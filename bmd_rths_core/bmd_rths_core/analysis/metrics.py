@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.reference import nonlinear_reference_response, reference_responses
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.reference import nonlinear_reference_response, reference_responses
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]

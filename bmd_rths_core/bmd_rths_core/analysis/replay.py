@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.metrics import rmse_percent
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.build import make_force_correction, make_shear_estimator
-from bmd_rths_core.metrics import rmse_percent
 from bmd_rths_core.record import FloatArray, RunRecord, software_versions
 from bmd_rths_core.table.controller import TableMeasurement
 

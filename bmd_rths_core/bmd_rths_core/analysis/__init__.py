@@ -1,0 +1,1 @@
+"""Judgement of a run: metrics, reference building, pre-flight, replay."""
