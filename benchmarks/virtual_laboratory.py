@@ -38,7 +38,7 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_o
 from bmd_rths_core.loop.build import make_command_shaper, make_force_correction, make_numerical_substructure
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop
 from bmd_rths_core.stability.discrete import discrete_margin
-from bmd_rths_core.stability.elements import Delay
+from bmd_rths_core.stability.loop_elements import Delay
 from bmd_rths_core.stability.models import simulated_table
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
 from bmd_rths_core.table.models.simulated import SimulatedTable

@@ -19,8 +19,8 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import OUTCOMES, FloatArray, RunRecord
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, read_object, read_timing
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
-from bmd_rths_msgs_py.story import END_RECORD, START_RECORD, read_object, read_timing
 from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, Topic
 
 #: Stamps beyond this step (seven hours at 200 Hz) are those of another clock, not of a test.

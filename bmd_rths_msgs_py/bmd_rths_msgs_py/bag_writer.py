@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_msgs_py.story import END_RECORD, START_RECORD
+from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD
 from bmd_rths_msgs_py.topics import TOPICS
 
 NO_START = 2**63 - 1  # starting_time of a bag without messages, as rosbag2 writes it

@@ -9,9 +9,9 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
-from bmd_rths_msgs_py.story import end_metadata, start_metadata
 from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS
 
 

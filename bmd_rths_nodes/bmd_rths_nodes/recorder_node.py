@@ -16,9 +16,9 @@ from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.record import TimingStatistics, provenance
 from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
-from bmd_rths_msgs_py.story import end_metadata, start_metadata
 from bmd_rths_msgs_py.topics import (
     DESIRED_ACCELERATION,
     DIAGNOSTICS,

@@ -13,14 +13,14 @@ from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.build import make_numerical_substructure
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.report.analysis import analysed
-from bmd_rths_core.report.comparison import MOST_CURVES, comparisons
 from bmd_rths_core.report.energy import energy_history
 from bmd_rths_core.report.hysteresis import specimen_loops, twice_integrated
 from bmd_rths_core.report.numerical_motion import numerical_motion, stability_indicator
+from bmd_rths_core.report.run_comparison import MOST_CURVES, comparisons
 from bmd_rths_core.report.run_report import RunReport, run_report
-from bmd_rths_core.report.samples import filled, strong_motion
+from bmd_rths_core.report.supervised_peaks import largest_increment, largest_tracking_error
 from bmd_rths_core.report.tracking import delay_over_time, table_frequencies
-from bmd_rths_core.report.watched import largest_increment, largest_tracking_error
+from bmd_rths_core.report.whole_samples import filled, strong_motion
 from tests.conftest import SERVO_TABLE
 
 DT = 0.005

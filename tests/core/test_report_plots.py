@@ -18,8 +18,8 @@ from bmd_rths_core.plots.report_drawing import draw, height_of, svg_of
 from bmd_rths_core.plots.report_pdf import _pieces, _sheets, write_pdf
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
 from bmd_rths_core.report.analysis import analysed
-from bmd_rths_core.report.comparison import comparisons
 from bmd_rths_core.report.document import Document, Folded, Paragraph, Picture, Section, Table
+from bmd_rths_core.report.run_comparison import comparisons
 from bmd_rths_core.report.run_report import run_report
 from bmd_rths_core.report.timing import StepTiming
 

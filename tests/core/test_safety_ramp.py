@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bmd_rths_core.safety.commanded_motion import Motion, stopping_range
 from bmd_rths_core.safety.config import SafetyConfig
-from bmd_rths_core.safety.motion import Motion, stopping_range
 from bmd_rths_core.safety.ramp import longest_ramp, ramp_commands, stop_commands
 
 CONFIG = SafetyConfig()

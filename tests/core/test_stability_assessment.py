@@ -15,7 +15,7 @@ from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import confirm, free_growth
 from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval, loop_of
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
-from bmd_rths_core.stability.elements import Delay, MeasuredResponse
+from bmd_rths_core.stability.loop_elements import Delay, MeasuredResponse
 from bmd_rths_core.stability.models import experimental_modes, numerical_oscillator, table_sections, uncoupled_modes
 from bmd_rths_core.stability.response_file import read_frequency_response
 from bmd_rths_core.stability.unit_circle import transfer_function

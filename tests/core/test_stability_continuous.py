@@ -9,7 +9,7 @@ from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, loop_of
-from bmd_rths_core.stability.elements import Delay, DiscreteCompensator, MeasuredResponse, Rational
+from bmd_rths_core.stability.loop_elements import Delay, DiscreteCompensator, MeasuredResponse, Rational
 from bmd_rths_core.stability.models import (
     EQUATION_9,
     IdentifiedMode,

@@ -11,7 +11,7 @@ from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction
 from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_mass_ratio
-from bmd_rths_core.stability.elements import Delay
+from bmd_rths_core.stability.loop_elements import Delay
 from bmd_rths_core.stability.models import EQUATION_9, experimental_building, numerical_building
 from tests.conftest import SERVO_TABLE, WITHOUT_LIMITS
 

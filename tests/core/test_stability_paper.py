@@ -5,7 +5,7 @@ import pytest
 
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.stability.continuous import LoopTransferFunction, margin_curve
-from bmd_rths_core.stability.elements import Delay
+from bmd_rths_core.stability.loop_elements import Delay
 from bmd_rths_core.stability.models import (
     EQUATION_9,
     IdentifiedMode,

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction
-from bmd_rths_core.stability.elements import Delay
+from bmd_rths_core.stability.loop_elements import Delay
 from bmd_rths_core.stability.models import IdentifiedMode, experimental_modes, numerical_oscillator, table_sections
 from bmd_rths_core.table.models.dynamics import servo_sections
 

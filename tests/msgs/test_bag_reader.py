@@ -27,11 +27,11 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_reader import MAX_STEPS, bag_is_whole, read_bag
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.record_bag import write_record
-from bmd_rths_msgs_py.story import end_metadata, start_metadata
 from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT
 
 Same = Callable[[RunRecord, RunRecord], bool]
@@ -266,7 +266,7 @@ import itertools, sys
 from pathlib import Path
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import ScalarCodec
-from bmd_rths_msgs_py.story import start_metadata
+from bmd_rths_msgs_py.bag_description import start_metadata
 from bmd_rths_msgs_py.topics import SCALAR_TOPICS
 
 metadata = start_metadata({"run": {"time_step": 0.005}}, {}, {})

@@ -9,11 +9,11 @@ import pytest
 
 from bmd_rths_core.record import TimingStatistics
 from bmd_rths_core.report.timing import StepTiming
+from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.bag_timing import read_timing_of_steps
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import ScalarCodec
-from bmd_rths_msgs_py.story import end_metadata, start_metadata
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DESIRED_ACCELERATION
 
 STEP_NS = 5_000_000

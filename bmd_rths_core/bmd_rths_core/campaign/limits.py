@@ -19,7 +19,7 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.loop.build import make_stability_indicator, make_supervisor
 from bmd_rths_core.safety import Action, SafetySupervisor, StabilityIndicator
-from bmd_rths_core.safety.motion import LARGEST_MOTION, Motion
+from bmd_rths_core.safety.commanded_motion import LARGEST_MOTION, Motion
 from bmd_rths_core.safety.supervisor import OFFSET_TIME
 from bmd_rths_core.table.controller import TableMeasurement
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.paper_figures.comparison import Comparison
+from bmd_rths_core.paper_figures.stated_value import Comparison
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, SIMPLIFIED, PaperSystem, table_name
 from bmd_rths_core.stability.continuous import MarginCurve, margin_curve
 from bmd_rths_core.stability.discrete import configured_mass_ratio
-from bmd_rths_core.stability.elements import Delay, LoopElement, Rational
+from bmd_rths_core.stability.loop_elements import Delay, LoopElement, Rational
 from bmd_rths_core.stability.models import (
     EQUATION_9,
     IdentifiedMode,

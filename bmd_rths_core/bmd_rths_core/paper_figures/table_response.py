@@ -18,9 +18,9 @@ from bmd_rths_core.identification.frequency_response import (
     without_hold,
 )
 from bmd_rths_core.loop.build import make_supervisor, make_table_controller
-from bmd_rths_core.paper_figures.comparison import Comparison
+from bmd_rths_core.paper_figures.stated_value import Comparison
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, SIMPLIFIED, PaperSystem, table_name
-from bmd_rths_core.stability.elements import Delay
+from bmd_rths_core.stability.loop_elements import Delay
 from bmd_rths_core.stability.models import simulated_table
 
 FloatArray = NDArray[np.float64]

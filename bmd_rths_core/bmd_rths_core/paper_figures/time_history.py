@@ -14,7 +14,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.paper_figures.comparison import Comparison
+from bmd_rths_core.paper_figures.stated_value import Comparison
 
 FloatArray = NDArray[np.float64]
 

@@ -12,12 +12,12 @@ from bmd_rths_core.plots.report_responses import draw_comparison, draw_responses
 from bmd_rths_core.plots.report_structure import STORIES_IN_A_ROW, draw_energy, draw_hysteresis
 from bmd_rths_core.plots.report_table import draw_forces, draw_frequencies, draw_timing, draw_tracking
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
-from bmd_rths_core.report.comparison import Comparison
 from bmd_rths_core.report.document import FigureData
 from bmd_rths_core.report.energy import EnergyHistory
 from bmd_rths_core.report.forces import InterfaceForces
 from bmd_rths_core.report.hysteresis import Hysteresis
 from bmd_rths_core.report.responses import FloorResponses
+from bmd_rths_core.report.run_comparison import Comparison
 from bmd_rths_core.report.timing import StepTiming
 from bmd_rths_core.report.tracking import FloorTransfer, TableFrequencies, TrackingHistory
 

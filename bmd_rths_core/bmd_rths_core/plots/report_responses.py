@@ -10,8 +10,8 @@ from matplotlib.figure import Figure, SubFigure
 from bmd_rths_core.plots.histories import between, plot_history
 from bmd_rths_core.plots.layout import grid_in_mm, legend_on_top
 from bmd_rths_core.plots.style import BLACK, BLUE, GREEN, LINES, ORANGE, VERMILION
-from bmd_rths_core.report.comparison import Comparison
 from bmd_rths_core.report.responses import FloorResponses
+from bmd_rths_core.report.run_comparison import Comparison
 from bmd_rths_core.report.tracking import FloorTransfer
 
 #: What is less coherent may leave the figure: noise has no amplification.

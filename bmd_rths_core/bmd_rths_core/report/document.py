@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bmd_rths_core.report.comparison import Comparison
 from bmd_rths_core.report.energy import EnergyHistory
 from bmd_rths_core.report.forces import InterfaceForces
 from bmd_rths_core.report.hysteresis import Hysteresis
 from bmd_rths_core.report.responses import FloorResponses
+from bmd_rths_core.report.run_comparison import Comparison
 from bmd_rths_core.report.timing import StepTiming
 from bmd_rths_core.report.tracking import FloorTransfer, TableFrequencies, TrackingHistory
 

@@ -11,7 +11,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.numerical_motion import NumericalMotion
-from bmd_rths_core.report.samples import filled
+from bmd_rths_core.report.whole_samples import filled
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]

@@ -18,7 +18,6 @@ from bmd_rths_core.report.forces import InterfaceForces, interface_forces
 from bmd_rths_core.report.hysteresis import Hysteresis, numerical_loops, specimen_loops
 from bmd_rths_core.report.numerical_motion import NumericalMotion, numerical_motion
 from bmd_rths_core.report.responses import FloorResponses, floor_responses
-from bmd_rths_core.report.samples import strong_motion
 from bmd_rths_core.report.timing import StepTiming
 from bmd_rths_core.report.tracking import (
     FloorTransfer,
@@ -28,6 +27,7 @@ from bmd_rths_core.report.tracking import (
     table_frequencies,
     tracking_history,
 )
+from bmd_rths_core.report.whole_samples import strong_motion
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.analysis.metrics import tracking_delay
 from bmd_rths_core.identification.frequency_response import FrequencyResponse, estimate_frequency_response
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.samples import filled
+from bmd_rths_core.report.whole_samples import filled
 
 FloatArray = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.safety.commanded_motion import Motion, braking_steps, unwinding_steps, whole_steps
 from bmd_rths_core.safety.config import SafetyConfig
-from bmd_rths_core.safety.motion import Motion, braking_steps, unwinding_steps, whole_steps
 
 FloatArray = NDArray[np.float64]
 

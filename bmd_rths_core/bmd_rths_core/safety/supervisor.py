@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable
 from enum import Enum
 
+from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
-from bmd_rths_core.safety.motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement

@@ -10,7 +10,7 @@ import numpy as np
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
-from bmd_rths_core.stability.elements import LoopElement, MeasuredResponse
+from bmd_rths_core.stability.loop_elements import LoopElement, MeasuredResponse
 from bmd_rths_core.stability.models import (
     IdentifiedMode,
     experimental_modes,

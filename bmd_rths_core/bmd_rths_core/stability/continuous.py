@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.crossings import Cells, Crossings, positive_real_crossings
-from bmd_rths_core.stability.elements import ComplexArray, Delay, LoopElement, Rational
+from bmd_rths_core.stability.loop_elements import ComplexArray, Delay, LoopElement, Rational
 from bmd_rths_core.stability.models import (
     elastic_numerical_building,
     experimental_building,

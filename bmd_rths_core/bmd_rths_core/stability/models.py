@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig, transfer_function
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.stability.elements import ComplexArray, DiscreteCompensator, Rational
+from bmd_rths_core.stability.loop_elements import ComplexArray, DiscreteCompensator, Rational
 from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series

@@ -9,7 +9,7 @@ import numpy as np
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.record_file import read_file
 from bmd_rths_core.ground_motion.formats.units import quoted
-from bmd_rths_core.stability.elements import MeasuredResponse
+from bmd_rths_core.stability.loop_elements import MeasuredResponse
 
 COLUMNS = ("frequency_hz", "magnitude", "phase_deg")
 

@@ -19,7 +19,7 @@ from bmd_rths_core.stability.analysed_loops import ALL, AnalysisOptions, sweep
 from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import Confirmation, confirm
 from bmd_rths_core.stability.continuous import MarginCurve
-from bmd_rths_core.stability.elements import MeasuredResponse
+from bmd_rths_core.stability.loop_elements import MeasuredResponse
 from bmd_rths_core.stability.response_file import read_frequency_response
 from bmd_rths_core.stability.sensitivity import ChangedParameter, ParameterSensitivity, sensitivity
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from bmd_rths_core.report.analysis import RunAnalysis
-from bmd_rths_core.report.comparison import comparisons
 from bmd_rths_core.report.document import Block, Document, Paragraph, Picture, Section
+from bmd_rths_core.report.run_comparison import comparisons
 from bmd_rths_core.report.run_report import RunReport
 from bmd_rths_nodes.report import tables
 from bmd_rths_nodes.report.single import CRITERIA

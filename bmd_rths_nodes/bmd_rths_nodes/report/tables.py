@@ -10,7 +10,7 @@ from bmd_rths_core.report.analysis import RunAnalysis
 from bmd_rths_core.report.document import Table
 from bmd_rths_core.report.responses import FloorResponses
 from bmd_rths_core.report.run_report import RunReport
-from bmd_rths_core.report.watched import largest_increment, largest_tracking_error
+from bmd_rths_core.report.supervised_peaks import largest_increment, largest_tracking_error
 from bmd_rths_nodes.report.wording import number, significant
 
 _J = ("J1 tracking delay [ms]", "J2 tracking error [%]", "J3 peak tracking error [%]")
