@@ -18,14 +18,14 @@ from bmd_rths_nodes.supervisor import Supervisor
 
 #: The modules of the processes of a test; the one with the numerical substructure is the first.
 PROCESSES = (
-    "bmd_rths_nodes.numerical_substructure_node",
-    "bmd_rths_nodes.command_shaper_node",
-    "bmd_rths_nodes.table_driver_node",
-    "bmd_rths_nodes.shear_estimator_node",
-    "bmd_rths_nodes.force_correction_node",
-    "bmd_rths_nodes.recorder_node",
+    "bmd_rths_nodes.nodes.numerical_substructure",
+    "bmd_rths_nodes.nodes.command_shaper",
+    "bmd_rths_nodes.nodes.table_driver",
+    "bmd_rths_nodes.nodes.shear_estimator",
+    "bmd_rths_nodes.nodes.force_correction",
+    "bmd_rths_nodes.nodes.recorder",
 )
-COMPOSED_PROCESSES = ("bmd_rths_nodes.composition", "bmd_rths_nodes.recorder_node")
+COMPOSED_PROCESSES = ("bmd_rths_nodes.nodes.composed_loop", "bmd_rths_nodes.nodes.recorder")
 
 
 class RecordedRun(NamedTuple):

@@ -29,7 +29,7 @@ from tests.nodes.conftest import change_state, wait_until
 @pytest.fixture
 def shaper(start):
     """Start a command shaper that waits for the operator."""
-    return start("-m", "bmd_rths_nodes.command_shaper_node", "--ros-args", "-p", "autostart:=false")
+    return start("-m", "bmd_rths_nodes.nodes.command_shaper", "--ros-args", "-p", "autostart:=false")
 
 
 def state(client):
@@ -120,7 +120,7 @@ def test_bare_node_starts_itself_tells_its_status_and_ends_in_order(client, star
             told[entry.name] = {pair.key: pair.value for pair in entry.values}
 
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=10))
-    node = start("-m", "bmd_rths_nodes.command_shaper_node")
+    node = start("-m", "bmd_rths_nodes.nodes.command_shaper")
     wait_until(lambda: client.spin_some() or told)
     wait_until(lambda: client.spin_some() or told["/rths/command_shaper"]["state"] == "waiting")
     assert told["/rths/command_shaper"]["malformed"] == "0"
@@ -134,7 +134,7 @@ def test_bare_node_starts_itself_tells_its_status_and_ends_in_order(client, star
 def test_ordinary_ros_node_can_take_part(client, start):
     """A stage of a laboratory, written with ordinary messages, talks to the raw ones of this project."""
     start(
-        "-m", "bmd_rths_nodes.command_shaper_node", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true"
+        "-m", "bmd_rths_nodes.nodes.command_shaper", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true"
     )
     commands = []
     client.create_subscription(AccelStamped, "/rths/command", commands.append, QoSProfile(depth=10))
@@ -214,7 +214,7 @@ def test_recorder_in_lockstep_waits_for_the_last_messages(client, start, tmp_pat
     bags, told = tmp_path / "bags", []
     parameters = tmp_path / "parameters.yaml"
     parameters.write_text(dump_config(Config().changed(run__lockstep=True, recorder__directory=str(bags))))
-    start("-m", "bmd_rths_nodes.recorder_node", "--ros-args", "--params-file", parameters)
+    start("-m", "bmd_rths_nodes.nodes.recorder", "--ros-args", "--params-file", parameters)
     topics = [topic for topic in TOPICS.values() if topic is not DIAGNOSTICS]
     publishers = {t: client.create_publisher(message_class(t), t.full_name, QoSProfile(depth=10)) for t in topics}
     diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -262,7 +262,9 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
     client.create_subscription(JointTrajectory, "/rths/measurement", measured.append, QoSProfile(depth=10))
     commands = client.create_publisher(AccelStamped, "/rths/command", QoSProfile(depth=10))
     diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-    start("-m", "bmd_rths_nodes.table_driver_node", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true")
+    start(
+        "-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true"
+    )
 
     def send(step):
         message = AccelStamped()
@@ -338,7 +340,7 @@ def test_every_node_of_a_process_is_made_safe_before_one_waits_for_its_last_word
     """The table must not wait for the middleware."""
     script = """
 import sys
-from bmd_rths_nodes.composition import LOOP_NODES
+from bmd_rths_nodes.nodes.composed_loop import LOOP_NODES
 from bmd_rths_nodes.ros import spin, stage_node
 
 spin._spin = lambda *arguments: None
@@ -370,7 +372,7 @@ def test_node_settles_in_real_time_before_it_is_ready_so_that_nobody_is_discover
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
     script = """
 import sys
-from bmd_rths_nodes.composition import LOOP_NODES
+from bmd_rths_nodes.nodes.composed_loop import LOOP_NODES
 from bmd_rths_nodes.ros import spin, stage_node
 
 stage_node.SETTLING_TIME = 1000.0

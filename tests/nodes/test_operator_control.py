@@ -45,7 +45,7 @@ class Driver:
         self._commands = client.create_publisher(AccelStamped, "/rths/command", QoSProfile(depth=10))
         self._diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         given = [word for parameter in ("run.record:=false", *parameters) for word in ("-p", parameter)]
-        self.child = start("-m", "bmd_rths_nodes.table_driver_node", "--ros-args", *given)
+        self.child = start("-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", *given)
 
     def _on_diagnostics(self, message):
         for entry in message.status:

@@ -33,7 +33,7 @@ class Driver:
             **settings,
         }
         parameters = [argument for name, value in settings.items() for argument in ("-p", f"{name}:={value}")]
-        self._node = start("-m", "bmd_rths_nodes.table_driver_node", "--ros-args", *parameters)
+        self._node = start("-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", *parameters)
         wait_until(lambda: self.spin() or self.told)
 
     def spin(self):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from bmd_rths_nodes.command_shaper_node import CommandShaperNode
-from bmd_rths_nodes.force_correction_node import ForceCorrectionNode
-from bmd_rths_nodes.numerical_substructure_node import NumericalSubstructureNode
+from bmd_rths_nodes.nodes.command_shaper import CommandShaperNode
+from bmd_rths_nodes.nodes.force_correction import ForceCorrectionNode
+from bmd_rths_nodes.nodes.numerical_substructure import NumericalSubstructureNode
+from bmd_rths_nodes.nodes.shear_estimator import ShearEstimatorNode
+from bmd_rths_nodes.nodes.table_driver import TableDriverNode
 from bmd_rths_nodes.ros.spin import run_nodes
-from bmd_rths_nodes.shear_estimator_node import ShearEstimatorNode
-from bmd_rths_nodes.table_driver_node import TableDriverNode
 
 LOOP_NODES = (
     NumericalSubstructureNode,

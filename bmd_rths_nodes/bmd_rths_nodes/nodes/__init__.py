@@ -1,0 +1,1 @@
+"""The six nodes, and the five of the loop in one process."""
