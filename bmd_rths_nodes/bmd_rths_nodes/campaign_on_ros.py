@@ -19,9 +19,9 @@ from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import RunAnalysis, analysed
 from bmd_rths_msgs_py.bag_reader import bag_is_whole, read_bag
 from bmd_rths_nodes.campaign_pool import CampaignStopped, Results, bag_of
-from bmd_rths_nodes.ros.monitor import RunMonitor
-from bmd_rths_nodes.ros_run import COMPOSED_PROCESSES, run_on_ros
-from bmd_rths_nodes.run_follower import RunFailed
+from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, run_on_ros
+from bmd_rths_nodes.run.follower import RunFailed
+from bmd_rths_nodes.run.monitor import RunMonitor
 
 #: The engine of these runs, in keys and results.
 ENGINE = "ros"

@@ -13,7 +13,7 @@ from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.main import COMMANDS
-from bmd_rths_nodes.naming import new_bag_directory
+from bmd_rths_nodes.run.bag_names import new_bag_directory
 from tests.nodes.conftest import CONFIG
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.ros.status import NodeStatus
-from bmd_rths_nodes.snapshot import take_snapshot
+from bmd_rths_nodes.run.graph_state import take_snapshot
 from tests.conftest import WITHOUT_LIMITS
 from tests.nodes.conftest import CONFIG, recorded, wait_until
 

@@ -8,7 +8,7 @@ import pytest
 from bmd_rths_nodes import run_follower
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.status import NodeStatus
-from bmd_rths_nodes.run_follower import (
+from bmd_rths_nodes.run.follower import (
     CLOSING_TIMEOUT,
     FAREWELL_TIME,
     HEARING_TIMEOUT,

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from bmd_rths_nodes import supervisor as supervisor_module
-from bmd_rths_nodes.supervisor import Supervisor
+from bmd_rths_nodes.run.processes import Supervisor
 from tests.nodes.conftest import wait_until
 
 #: A process that ends with the second SIGINT, and says how many have come.

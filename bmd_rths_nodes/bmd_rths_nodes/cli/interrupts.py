@@ -6,7 +6,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bmd_rths_nodes.ending_signals import ending_signals
+from bmd_rths_nodes.ros.ending_signals import ending_signals
 
 
 @contextmanager

@@ -18,8 +18,8 @@ from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log
 from bmd_rths_nodes.cli.results import without_nan
-from bmd_rths_nodes.ros.monitor import RunMonitor
-from bmd_rths_nodes.snapshot import COUNTS, take_snapshot
+from bmd_rths_nodes.run.graph_state import COUNTS, take_snapshot
+from bmd_rths_nodes.run.monitor import RunMonitor
 
 #: Time between two pictures [s]; nodes tell their status once a second while a test runs.
 _PERIOD = 0.25

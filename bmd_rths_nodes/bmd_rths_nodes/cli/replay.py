@@ -26,9 +26,9 @@ from bmd_rths_nodes.cli.configuration import model_option, parsed_settings, set_
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import without_nan
-from bmd_rths_nodes.naming import new_bag_directory
-from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.ros.playback import NotReady, Playback
+from bmd_rths_nodes.run.bag_names import new_bag_directory
+from bmd_rths_nodes.run.monitor import RunMonitor
 
 
 @click.command(epilog="Example: bmd-rths replay bags/el_centro_plc_fc_20260801_101500 --set force_correction.gain=0.3")

@@ -18,9 +18,9 @@ from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.hardware.controllers import make_table_controller
-from bmd_rths_nodes.ros.monitor import RunMonitor
-from bmd_rths_nodes.ros_run import COMPOSED_PROCESSES, PROCESSES, run_on_ros
-from bmd_rths_nodes.run_follower import RunFailed
+from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES, run_on_ros
+from bmd_rths_nodes.run.follower import RunFailed
+from bmd_rths_nodes.run.monitor import RunMonitor
 
 _TOO_SLOW = (
     "{} deadlines were missed, at most {} in a row{}. "

@@ -14,7 +14,7 @@ from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
-from bmd_rths_nodes.naming import new_bag_directory
+from bmd_rths_nodes.run.bag_names import new_bag_directory
 
 
 @click.command(epilog="Example: bmd-rths simulate config/simplified_bmd.yaml --scheme uc --json")

@@ -30,12 +30,12 @@ from bmd_rths_msgs_py.topics import (
     TOPICS,
     Topic,
 )
-from bmd_rths_nodes.naming import new_bag_directory
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.versions import ros_versions
+from bmd_rths_nodes.run.bag_names import new_bag_directory
 
 #: The bag is closed when the test has ended, the table is at rest and nothing more has come for this long [s] ...
 QUIET_PERIOD = 0.2

@@ -29,8 +29,8 @@ from bmd_rths_msgs_py.topics import (
 )
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.messages import codec_of, message_class
-from bmd_rths_nodes.ros.monitor import DISCOVERY_TIME, RunMonitor
 from bmd_rths_nodes.ros.spin import LONGEST_WAIT, WAKE_UP_MARGIN
+from bmd_rths_nodes.run.monitor import DISCOVERY_TIME, RunMonitor
 
 PLAYED_TOPICS = (GROUND_ACCELERATION, DESIRED_ACCELERATION, REQUIRED_FORCE, COMMAND, MEASUREMENT)
 ANSWER_TOPICS = (INTERFACE_FORCE, CORRECTED_FORCE)

@@ -21,8 +21,8 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.cdr import MalformedMessage
 from bmd_rths_msgs_py.topics import NAMESPACE, RECORDER, Topic
-from bmd_rths_nodes.ending_signals import Ending
 from bmd_rths_nodes.ros import qos, status, triggers
+from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.messages import codec_of, message_class
 from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bmd_rths_nodes.ending_signals import REPEAT_TIME
+from bmd_rths_nodes.ros.ending_signals import REPEAT_TIME
 from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
 
 #: Time a process is given to end after SIGINT before it is killed [s], besides the way of the table to rest.

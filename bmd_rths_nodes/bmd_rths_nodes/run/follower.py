@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER
-from bmd_rths_nodes.operator_stop import OperatorStop
 from bmd_rths_nodes.ros import status
-from bmd_rths_nodes.ros.monitor import RunMonitor
-from bmd_rths_nodes.supervisor import Supervisor
+from bmd_rths_nodes.run.monitor import RunMonitor
+from bmd_rths_nodes.run.operator_stop import OperatorStop
+from bmd_rths_nodes.run.processes import Supervisor
 
 #: Time between two looks [s].
 LOOK_PERIOD = 0.05

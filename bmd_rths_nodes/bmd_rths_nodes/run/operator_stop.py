@@ -6,9 +6,9 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from bmd_rths_nodes.ros.monitor import RunMonitor
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP
-from bmd_rths_nodes.supervisor import Supervisor
+from bmd_rths_nodes.run.monitor import RunMonitor
+from bmd_rths_nodes.run.processes import Supervisor
 
 #: Longest wait for the answer of the table driver [s], which is asked more than once meanwhile. At an emergency stop it
 #: waits for the table controller itself.

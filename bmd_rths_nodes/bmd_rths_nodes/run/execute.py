@@ -10,11 +10,11 @@ from typing import NamedTuple
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.ramp import longest_ramp
-from bmd_rths_nodes.domain_lock import domain_lock
-from bmd_rths_nodes.operator_stop import OperatorStop
-from bmd_rths_nodes.ros.monitor import RunMonitor
-from bmd_rths_nodes.run_follower import RunFollower
-from bmd_rths_nodes.supervisor import Supervisor
+from bmd_rths_nodes.run.domain_lock import domain_lock
+from bmd_rths_nodes.run.follower import RunFollower
+from bmd_rths_nodes.run.monitor import RunMonitor
+from bmd_rths_nodes.run.operator_stop import OperatorStop
+from bmd_rths_nodes.run.processes import Supervisor
 
 #: The modules of the processes of a test; the one with the numerical substructure is the first.
 PROCESSES = (
