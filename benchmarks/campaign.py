@@ -40,7 +40,7 @@ from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_nodes.campaign_results import CSV_NAME
+from bmd_rths_nodes.campaign.results import CSV_NAME
 
 CONFIG = Path(__file__).parents[1] / "config" / "simplified_bmd.yaml"
 #: One record for every event of the paper, which names no stations: file, component, unit. Chosen before any run.

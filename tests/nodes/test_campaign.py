@@ -19,8 +19,8 @@ from bmd_rths_core.campaign.study import Study
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_nodes.campaign_pool import PieceRunner, in_process, in_processes, on_cluster
-from bmd_rths_nodes.campaign_results import CSV_NAME, PARQUET_NAME, CampaignResults
+from bmd_rths_nodes.campaign.pool import PieceRunner, in_process, in_processes, on_cluster
+from bmd_rths_nodes.campaign.results import CSV_NAME, PARQUET_NAME, CampaignResults
 from tests.nodes.conftest import CONFIG
 
 MOTION = "time_s,acceleration_g\n" + "".join(f"{0.01 * i:.2f},{{}}\n" for i in range(80))
@@ -112,7 +112,7 @@ def test_study_that_ran_before_is_not_run_again(run_main, records, monkeypatch):
     def not_again(piece):
         raise AssertionError(piece)
 
-    monkeypatch.setattr("bmd_rths_nodes.campaign_pool.run_piece", not_again)
+    monkeypatch.setattr("bmd_rths_nodes.campaign.pool.run_piece", not_again)
     _, again, errors = run_main(*arguments, "--schemes", "uc,plc", "--json")
     assert again == more
     assert errors.endswith("8 of 8 runs were in out/campaign.csv already\n")

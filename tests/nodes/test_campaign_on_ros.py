@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_nodes.campaign_results import CSV_NAME
+from bmd_rths_nodes.campaign.results import CSV_NAME
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
 #: A second of saw teeth, which are as fast as they stand in the file.
@@ -151,7 +151,7 @@ def test_taken_domain_ends_the_study_in_one_clear_line(run_main, records, monkey
         def nodes_already_there(self):
             return ["command_shaper"]
 
-    monkeypatch.setattr("bmd_rths_nodes.campaign_on_ros.RunMonitor", Monitor)
+    monkeypatch.setattr("bmd_rths_nodes.campaign.on_ros.RunMonitor", Monitor)
     status, output, errors = run_main(*campaign("out", "--motions", records, "--ros", "--json"))
     assert (status, output) == (1, "")
     (line,) = errors.splitlines()

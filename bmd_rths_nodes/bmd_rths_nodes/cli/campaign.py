@@ -22,7 +22,7 @@ from bmd_rths_core.campaign.study import Piece, Study
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.campaign_pool import (
+from bmd_rths_nodes.campaign.pool import (
     CampaignStopped,
     PieceRunner,
     Results,
@@ -32,7 +32,7 @@ from bmd_rths_nodes.campaign_pool import (
     in_processes,
     on_cluster,
 )
-from bmd_rths_nodes.campaign_results import CampaignResults
+from bmd_rths_nodes.campaign.results import CampaignResults
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.error_tables import show_error_tables
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
@@ -165,7 +165,7 @@ def _run(
 def _study_on_ros(
     config: Config, motions: Sequence[CampaignMotion], schemes: Sequence[str], vary: Mapping[str, Sequence[object]]
 ) -> Study:
-    from bmd_rths_nodes.campaign_on_ros import DECIDED, ENGINE
+    from bmd_rths_nodes.campaign.on_ros import DECIDED, ENGINE
 
     for name in vary:
         if name in DECIDED or name == "recorder.directory":
@@ -175,7 +175,7 @@ def _study_on_ros(
 
 
 def _on_ros(pieces: Iterator[Piece], bags: Path, on_progress: Callable[[str], None]) -> Iterator[Results]:
-    from bmd_rths_nodes.campaign_on_ros import RosRunner  # a campaign in process need not wait for rclpy
+    from bmd_rths_nodes.campaign.on_ros import RosRunner  # a campaign in process need not wait for rclpy
 
     with collected_interrupts() as interrupts:
         yield from RosRunner(bags, interrupts, log, on_progress).results(pieces)

@@ -18,7 +18,7 @@ from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.analysis import RunAnalysis, analysed
 from bmd_rths_msgs_py.bag_reader import bag_is_whole, read_bag
-from bmd_rths_nodes.campaign_pool import CampaignStopped, Results, bag_of
+from bmd_rths_nodes.campaign.pool import CampaignStopped, Results, bag_of
 from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, run_on_ros
 from bmd_rths_nodes.run.follower import RunFailed
 from bmd_rths_nodes.run.monitor import RunMonitor
