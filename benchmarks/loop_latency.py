@@ -27,12 +27,12 @@ from typing import Any
 import click
 import numpy as np
 
-from bmd_rths_core import assembly
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import scale_time
+from bmd_rths_core.loop import build
 from bmd_rths_core.loop.deadlines import DeadlineMonitor
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableCommand
@@ -100,7 +100,7 @@ def codec_of(topic: topics.Topic, config: Config) -> Any:
 def make_step(role: str, config: Config) -> Callable[..., Any]:
     """Return what a role does with the step index and the values of its topics."""
     if role == topics.TABLE_DRIVER:
-        supervisor, table = assembly.make_supervisor(config), assembly.make_table_controller(config)
+        supervisor, table = build.make_supervisor(config), build.make_table_controller(config)
         table.connect()
 
         def exchange(step: int, command: float) -> Any:
@@ -160,7 +160,7 @@ def ring(config: Config) -> Iterator[dict[str, tuple[socket.socket, socket.socke
 def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep: bool) -> dict[str, Any]:
     """Run the ring once, the numerical substructure as its node does; the result must be that of `RthsLoop`."""
     clock, time_step, time_step_ns = time.perf_counter, config.run.time_step, config.run.time_step_ns
-    stage = assembly.make_numerical_substructure(config)
+    stage = build.make_numerical_substructure(config)
     deadlines = DeadlineMonitor(motion.steps, config.run.max_consecutive_misses)
     corrected = np.full(motion.steps, np.nan)
     steps, feedback = 0, 0.0

@@ -453,8 +453,8 @@ def _controller(random: Random) -> Trial:
 KINDS: dict[str, Callable[[Random], Trial]] = {
     **{f"kill_{role}": _killed(role) for role in ROLES},
     **{f"stop_{role}": _stopped(role) for role in ROLES},
-    "kill_composition": _killed("composition", composed=True),
-    "stop_composition": _stopped("composition", composed=True),
+    "kill_composed_loop": _killed("composed_loop", composed=True),
+    "stop_composed_loop": _stopped("composed_loop", composed=True),
     "kill_command_line": _command_line_killed,
     "disk_full": _disk_full,
     "clock_jump": _clock_jump,

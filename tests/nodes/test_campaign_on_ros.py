@@ -123,7 +123,7 @@ def test_interrupt_brings_the_running_test_to_rest_and_ends_the_study(bmd_rths, 
 def test_run_that_fails_ends_the_study_in_one_clear_line(bmd_rths, domain, tmp_path):
     child = long_campaign(bmd_rths, tmp_path)
     wait_until(lambda: recording(tmp_path / "out", 200_000) or child.process.poll() is not None)
-    (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder_node" in command)
+    (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "nodes.recorder" in command)
     os.kill(recorder, signal.SIGKILL)
     result = child.wait()
     assert (result.status, result.output) == (1, "")

@@ -116,8 +116,8 @@ def test_composed_nodes_are_managed_one_by_one_and_find_each_other_again(client,
         run__lockstep=True, ground_motion__duration=1.0, recorder__directory=str(tmp_path / "bags")
     )
     parameters.write_text(dump_config(config))
-    for module in ("composition", "recorder_node"):
-        start("-m", f"bmd_rths_nodes.{module}", "--ros-args", "--params-file", parameters)
+    for module in ("composed_loop", "recorder"):
+        start("-m", f"bmd_rths_nodes.nodes.{module}", "--ros-args", "--params-file", parameters)
     expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
 
     def recorded():

@@ -175,7 +175,7 @@ def test_ordinary_ros_node_can_take_part(client, start):
 )
 def test_wrong_parameters_end_the_node_with_status_2_and_one_line(start, module, parameters, message):
     arguments = [argument for parameter in parameters for argument in ("-p", parameter)]
-    result = start("-m", f"bmd_rths_nodes.{module}_node", "--ros-args", *arguments).wait()
+    result = start("-m", f"bmd_rths_nodes.nodes.{module}", "--ros-args", *arguments).wait()
     assert result.status == 2
     lines = [line for line in result.errors.splitlines() if line.startswith("error: ")]
     assert len(lines) == 1
@@ -191,7 +191,7 @@ def test_second_test_with_the_same_processes_equals_the_first(client, start, tmp
     )
     parameters.write_text(dump_config(config))
     for role in ROLES:
-        start("-m", f"bmd_rths_nodes.{role}_node", "--ros-args", "--params-file", parameters)
+        start("-m", f"bmd_rths_nodes.nodes.{role}", "--ros-args", "--params-file", parameters)
 
     def closed_bags():
         return [file.parent for file in (tmp_path / "bags").glob("*/metadata.yaml") if "outcome" in file.read_text()]

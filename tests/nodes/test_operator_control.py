@@ -213,7 +213,7 @@ def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client,
     config = Config().changed(run__lockstep=True, recorder__directory=str(tmp_path / "bags"))
     parameters.write_text(dump_config(config))
     for role in ROLES:
-        start("-m", f"bmd_rths_nodes.{role}_node", "--ros-args", "--params-file", parameters)
+        start("-m", f"bmd_rths_nodes.nodes.{role}", "--ros-args", "--params-file", parameters)
 
     def records(outcome):
         """Return what has ended in a way; a bag is read when it is closed, for this machine has the loop to run."""
@@ -349,9 +349,9 @@ def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(star
     changes = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.004}
     config = Config().changed(**changes, recorder__directory=str(tmp_path / "bags"))
     (tmp_path / "parameters.yaml").write_text(dump_config(config))
-    modules = ("composition", "recorder_node")
+    modules = ("composed_loop", "recorder")
     nodes = [
-        start("-m", f"bmd_rths_nodes.{module}", "--ros-args", "--params-file", tmp_path / "parameters.yaml")
+        start("-m", f"bmd_rths_nodes.nodes.{module}", "--ros-args", "--params-file", tmp_path / "parameters.yaml")
         for module in modules
     ]
     wait_until(lambda: recorded(tmp_path / "bags", 300_000))

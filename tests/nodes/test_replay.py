@@ -165,7 +165,7 @@ def nodes(simulated, start, tmp_path):
     config = config_from_mapping(read_bag(simulated).configuration).changed(run__record=False, run__lockstep=True)
     (tmp_path / "nodes.yaml").write_text(dump_config(config))
     return [
-        start("-m", f"bmd_rths_nodes.{role}_node", "--ros-args", "--params-file", tmp_path / "nodes.yaml")
+        start("-m", f"bmd_rths_nodes.nodes.{role}", "--ros-args", "--params-file", tmp_path / "nodes.yaml")
         for role in ("shear_estimator", "force_correction")
     ]
 

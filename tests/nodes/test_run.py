@@ -210,7 +210,7 @@ def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
     child = bmd_rths("run", CONFIG, "--lockstep", *endless, "--output", tmp_path)
     bag = wait_until(lambda: begun(tmp_path))
-    (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder_node" in command)
+    (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "nodes.recorder" in command)
     killed_at = time.time_ns()
     os.kill(recorder, signal.SIGKILL)
     result = child.wait(60.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 
-from bmd_rths_core import assembly
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop import build
 from bmd_rths_core.table.controller import TableController
 from bmd_rths_nodes.hardware.udp import make_udp_table
 
@@ -17,7 +17,7 @@ GROUP = "bmd_rths.table_controllers"
 Maker = Callable[[Config], TableController]
 
 #: The controllers of this project need no installed metadata and cannot be replaced by others of the same name.
-_OWN: dict[str, Maker] = {"simulated": assembly.make_table_controller, "udp": make_udp_table}
+_OWN: dict[str, Maker] = {"simulated": build.make_table_controller, "udp": make_udp_table}
 
 
 def make_table_controller(config: Config) -> TableController:

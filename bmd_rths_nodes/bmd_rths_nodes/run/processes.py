@@ -43,7 +43,7 @@ class Supervised:
     @property
     def name(self) -> str:
         """Name for a person."""
-        return self.module.rpartition(".")[2].removesuffix("_node")
+        return self.module.rpartition(".")[2]
 
     def interrupt(self) -> None:
         """Ask it to end in order, once: a second time would be an emergency stop."""

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from bmd_rths_nodes import supervisor as supervisor_module
+from bmd_rths_nodes.run import processes as supervisor_module
 from bmd_rths_nodes.run.processes import Supervisor
 from tests.nodes.conftest import wait_until
 

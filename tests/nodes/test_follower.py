@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from bmd_rths_nodes import run_follower
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.run import follower as follower_module
 from bmd_rths_nodes.run.follower import (
     CLOSING_TIMEOUT,
     FAREWELL_TIME,
@@ -72,7 +72,7 @@ def follow(monkeypatch):
     """Follow a run to its end; return the bag or the error, what the follower says of it, and when it was."""
 
     def follow_run(run):
-        monkeypatch.setattr(run_follower, "time", SimpleNamespace(perf_counter=lambda: run.now))
+        monkeypatch.setattr(follower_module, "time", SimpleNamespace(perf_counter=lambda: run.now))
         follower = RunFollower(run, run, run.operator, TO_REST)
         try:
             while (bag := follower.look()) is None:
