@@ -111,7 +111,7 @@ def make_step(role: str, config: Config) -> Callable[..., Any]:
             return measurement
 
         return exchange
-    stage = getattr(assembly, f"make_{role}")(config)
+    stage = getattr(build, f"make_{role}")(config)
     return lambda _, *values: stage.step(*values)
 
 
