@@ -10,10 +10,11 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.emulated.faults import Faults, parse_fault
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.udp_controller import make_udp_table
 from bmd_rths_core.table.wire import ControllerState
 from tests.faults.in_process import KINDS, outcome_of
 from tests.faults.outcome import Outcome, summary, wrong_motion
-from tests.faults.rig import Link
+from tests.faults.rig import SESSION, VirtualNetwork
 
 #: An outcome that several tests look at.
 known_outcome = cache(outcome_of)
@@ -65,28 +66,35 @@ def test_judge_finds_what_a_table_should_not_do(motion, peaks, wrong):
     assert [wrong in text for text in found] == ([True] if wrong else [])
 
 
-def test_link_without_faults_is_the_table():
+def connected(config, *faults):
+    network = VirtualNetwork(config, Faults(parse_fault(text) for text in faults))
+    table = make_udp_table(config, network, SESSION)
+    table.connect()
+    return network, table
+
+
+def test_network_without_faults_is_the_table():
     """The packets change nothing: answers come 3 ms after their command, with what was asked for."""
     config = Config().changed(virtual_controller__model="servo", simulated_table__acceleration_noise=0.0)
-    link = Link(config, Faults())
-    link.connect()
-    begin = link.now
-    assert link.controller.state is ControllerState.ARMED
+    network, table = connected(config)
+    begin = network.time
+    assert network.controller.state is ControllerState.ARMED
     for step in range(100):
-        measurement = link.exchange(TableCommand(step, 1.0))
+        network.sleep(1e-9 * begin + step * config.run.time_step)
+        measurement = table.exchange(TableCommand(step, 1.0))
         assert measurement.step == step
         assert measurement.applied_command == 1.0
-    assert link.now - begin == 99 * 5_000_000 + 3_000_000
+    assert network.time - begin == 99 * 5_000_000 + 3_000_000
     assert measurement.table_displacement == pytest.approx(0.5 * 0.498**2, rel=0.1)  # less the delay of 20 ms
 
 
 @pytest.mark.parametrize("sensor", ["acceleration", "displacement", "force", "shear", "floor_2"])
 def test_sensor_that_gives_nan_is_the_one_that_was_named(sensor):
-    link = Link(Config(), Faults([parse_fault(f"nan={sensor}@2")]))
-    link.connect()
+    network, table = connected(Config(), f"nan={sensor}@2")
     values = []
     for step in range(4):
-        m = link.exchange(TableCommand(step, 0.1))
+        network.sleep(1.0 + 0.005 * (step + 1))
+        m = table.exchange(TableCommand(step, 0.1))
         values.append(
             {
                 "acceleration": m.table_acceleration,

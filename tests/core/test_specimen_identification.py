@@ -7,8 +7,8 @@ import pytest
 
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import drive
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
+from bmd_rths_core.identification.excited_table import drive
 from bmd_rths_core.identification.specimen_model import identify_specimen
 from bmd_rths_core.loop.build import make_supervisor, make_table_controller
 

@@ -9,8 +9,8 @@ import pytest
 
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import drive
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
+from bmd_rths_core.identification.excited_table import drive
 from bmd_rths_core.identification.output import frequency_response_text, model_text
 from bmd_rths_core.identification.spectral_lines import averaged_response, incoherent_bands
 from bmd_rths_core.identification.table_model import identify_table

@@ -14,7 +14,7 @@ from bmd_rths_core.table.emulated.faults import SENSORS
 from bmd_rths_core.table.wire import Kind, interlock_names
 from tests.conftest import ground_motion_folder
 from tests.faults.outcome import RAMP_TIME, Outcome, wrong_motion
-from tests.faults.rig import Link, Rig, Trial
+from tests.faults.rig import Rig, Trial, VirtualNetwork
 
 Random = np.random.Generator
 
@@ -36,11 +36,11 @@ def run_trial(kind: str, trial: Trial) -> Outcome:
     """
     rig = Rig(trial)
     ended, reason = rig.run()
-    link, controller = rig.link, rig.link.controller
+    network, controller = rig.network, rig.network.controller
     give_up = rig.ended_at + round(RAMP_TIME * 1e9)
-    while not controller.at_rest and link.now < give_up:
-        link.wait(link.now + 10_000_000)
-    rest_time = 1e-9 * (link.now - rig.ended_at)
+    while not controller.at_rest and network.time < give_up:
+        network.pass_time(network.time + 10_000_000)
+    rest_time = 1e-9 * (network.time - rig.ended_at)
     reason = f"{reason}; {interlock_names(controller.interlock)}" if controller.interlock else reason
     wrong = wrong_motion(trial.config, controller.motion, controller.peaks)
     if not controller.at_rest:
@@ -152,9 +152,9 @@ def _host_dies(random: Random) -> Trial:
 def _stall(random: Random) -> Trial:
     begins, stall = _step(random), float(random.uniform(0.01, 0.3))
 
-    def beside(link: Link, step: int) -> None:
+    def beside(network: VirtualNetwork, step: int) -> None:
         if step == begins:
-            link.stall(stall)
+            network.stall(stall)
 
     return Trial(f"host stalls for {1e3 * stall:.0f} ms", _config(random), begins, beside=beside)
 
@@ -163,9 +163,9 @@ def _intruder(random: Random) -> Trial:
     """Let a second host with a session of its own talk to the controller that the first one is using."""
     begins, kind = _step(random), Kind(int(random.integers(len(Kind))))
 
-    def beside(link: Link, step: int) -> None:
+    def beside(network: VirtualNetwork, step: int) -> None:
         if step >= begins:
-            link.intrude(kind, step, 5.0)
+            network.intrude(kind, step, 5.0)
 
     return Trial(f"packets of another host: {kind.name.lower()}", _config(random), begins, beside=beside)
 

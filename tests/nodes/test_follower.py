@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from bmd_rths_nodes.ros import status
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.run import follower as follower_module
 from bmd_rths_nodes.run.follower import (
@@ -84,8 +84,8 @@ def follow(monkeypatch):
     return follow_run
 
 
-ENDS = tells("recorder", status.ENDED, bag="the_bag")
-RUNS = tells("numerical_substructure", status.RUNNING)
+ENDS = tells("recorder", NodeState.ENDED, bag="the_bag")
+RUNS = tells("numerical_substructure", NodeState.RUNNING)
 
 
 def test_run_is_followed_to_its_bag_however_long_it_takes(follow):
@@ -106,7 +106,7 @@ def test_node_that_is_lost_of_a_run_that_is_never_heard_ends_it_soon(follow):
 
 
 def test_node_that_is_lost_before_the_test_ends_the_run_at_once(follow):
-    waits = tells("numerical_substructure", status.WAITING)
+    waits = tells("numerical_substructure", NodeState.WAITING)
     outcome, _, when = follow(Run(at_1=waits, at_2=loses("shear_estimator")))
     assert outcome == LOST
     assert when == pytest.approx(2.0, abs=0.2)
@@ -144,7 +144,7 @@ def test_ctrl_c_while_the_nodes_wait_for_each_other_ends_the_run_at_once(follow)
     def asks(run):
         run.operator.asked = True
 
-    run = Run(at_1=tells("numerical_substructure", status.WAITING), at_2=asks)
+    run = Run(at_1=tells("numerical_substructure", NodeState.WAITING), at_2=asks)
     outcome, _, when = follow(run)
     assert (outcome, run.updates) == ("stopped before the test had begun", 0)
     assert when == pytest.approx(2.0, abs=0.2)
@@ -168,12 +168,12 @@ def test_what_a_stopped_run_waits_for_is_said():
     run = Run()
     follower = RunFollower(run, run, run.operator, TO_REST)
     assert follower.progress == ("starting", 0)
-    run.tell("numerical_substructure", status.RUNNING)
+    run.tell("numerical_substructure", NodeState.RUNNING)
     assert follower.progress == ("running, 0 deadlines missed", 5)
     run.operator.asked = True
-    run.tell("table_driver", status.TRIPPED, table="moving")
+    run.tell("table_driver", NodeState.TRIPPED, table="moving")
     assert follower.progress == ("stopping, the table moves", 5)
-    run.tell("table_driver", status.TRIPPED, table="at rest")
+    run.tell("table_driver", NodeState.TRIPPED, table="at rest")
     assert follower.progress == ("stopping", 5)
-    run.tell("numerical_substructure", status.ENDED)
+    run.tell("numerical_substructure", NodeState.ENDED)
     assert follower.progress == ("stopping, the bag is being closed", 5)

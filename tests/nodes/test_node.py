@@ -19,6 +19,7 @@ from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
 from bmd_rths_nodes.ros import status
@@ -239,7 +240,7 @@ def test_recorder_in_lockstep_waits_for_the_last_messages(client, start, tmp_pat
         send(topic, 0)
         if topic is not CORRECTED_FORCE:
             send(topic, 1)
-    node = status.NodeStatus("/rths/numerical_substructure", status.ENDED, values=ended)
+    node = status.NodeStatus("/rths/numerical_substructure", NodeState.ENDED, values=ended)
     diagnostics.publish(status.to_message(node, 0, 0))
     begin = time.monotonic()
     wait_until(lambda: client.spin_some() or time.monotonic() > begin + 2.0)
@@ -287,7 +288,7 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
 
     wait_until(begin)
     wait_until(lambda: table() == "moving")
-    ended = status.NodeStatus("/rths/numerical_substructure", status.ENDED)
+    ended = status.NodeStatus("/rths/numerical_substructure", NodeState.ENDED)
     diagnostics.publish(status.to_message(ended, 0, 0))
     wait_until(lambda: table() == "at rest")
     measured.clear()
@@ -325,7 +326,7 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
         # Its own status, between those of another node.
         wait_until(
             lambda: (
-                diagnostics.publish(status.to_message(status.NodeStatus("/rths/another", status.READY), 0, 0))
+                diagnostics.publish(status.to_message(status.NodeStatus("/rths/another", NodeState.READY), 0, 0))
                 or client.spin_some()
                 or any(s.name == f"/rths/{role}" for message in told for s in message.status)
             )

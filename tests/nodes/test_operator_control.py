@@ -19,6 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.table.wire import Interlock
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
@@ -151,11 +152,11 @@ def test_reset_is_refused_while_there_is_nothing_to_reset_or_a_test_runs(client,
     table.wait_for(state="tripped", table="at rest")
 
     def refused():
-        table.substructure_is(status.RUNNING)
+        table.substructure_is(NodeState.RUNNING)
         return ask(client, "reset") == (False, "a test is running; stop it first")
 
     wait_until(refused)
-    wait_until(lambda: table.substructure_is(status.ENDED) or ask(client, "reset")[0])
+    wait_until(lambda: table.substructure_is(NodeState.ENDED) or ask(client, "reset")[0])
 
 
 def test_inactive_driver_answers_that_it_moves_nothing(client, driver):

@@ -15,6 +15,7 @@ from scipy import signal
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.table import udp_controller as udp
 from bmd_rths_core.table.controller import NoAnswer, TableCommand
 from bmd_rths_core.table.emulated.faults import parse_fault
 from bmd_rths_core.table.wire import (
@@ -25,8 +26,7 @@ from bmd_rths_core.table.wire import (
     decode_host_packet,
     encode_controller_packet,
 )
-from bmd_rths_nodes.hardware import udp
-from bmd_rths_nodes.hardware.udp import make_udp_table
+from bmd_rths_nodes.hardware.udp_socket import udp_table as make_udp_table
 from tests.nodes.conftest import wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 
@@ -444,7 +444,7 @@ def test_controller_of_a_host_that_died_tells_the_next_one_what_to_do():
         dead = make_udp_table(connected)
         dead.connect()
         dead.exchange(TableCommand(0, 1.0))
-        dead._link.close()
+        dead._transport.close()
         following = make_udp_table(connected.changed(table__give_up_after=4.0))
         with pytest.raises(RuntimeError, match=r"\(watchdog\); .* or start with table\.reset_interlock=true"):
             following.connect()

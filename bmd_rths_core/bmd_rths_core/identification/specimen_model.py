@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import Responses
+from bmd_rths_core.identification.excited_table import Responses
 from bmd_rths_core.identification.frequency_response import ComplexArray, FloatArray, FrequencyResponse
 from bmd_rths_core.identification.rational_fit import RationalFit
 from bmd_rths_core.identification.spectral_lines import (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import Responses
+from bmd_rths_core.identification.excited_table import Responses
 from bmd_rths_core.identification.frequency_response import (
     ComplexArray,
     FloatArray,

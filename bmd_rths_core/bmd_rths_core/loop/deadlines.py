@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from bmd_rths_core.record import TimingStatistics
@@ -10,25 +12,32 @@ from bmd_rths_core.record import TimingStatistics
 class DeadlineMonitor:
     """Count missed deadlines and collect closure times.
 
-    A step is opened when its desired acceleration is published and closed when its corrected shear has arrived. It
-    misses its deadline when the next step has to begin before that.
+    A step is opened when its desired acceleration is published, and closed when its corrected shear has arrived. It
+    misses its deadline when that is later than the next step is due by the clock, whoever was late.
 
     Parameters
     ----------
     steps : int
         Number of steps of the run.
-    max_consecutive_misses : int
-        Misses in a row that are tolerated.
+    longest_miss : float
+        Time without a shear that was back in time that is tolerated [s].
+
+    Attributes
+    ----------
+    late_ticks : int
+        Steps that began more than Δt after they were due.
     """
 
-    def __init__(self, steps: int, max_consecutive_misses: int) -> None:
+    def __init__(self, steps: int, longest_miss: float) -> None:
         self._closure = np.full(steps, np.nan)
-        self._tolerated = max_consecutive_misses
+        self._tolerated = longest_miss
         self._step = -1
         self._opened_at = 0.0
+        self._deadline = math.inf
         self._open = False
         self._consecutive = 0
         self._longest = 0
+        self._missing_since = math.inf
         self._missed: list[int] = []
         self.late_ticks = 0
 
@@ -37,13 +46,20 @@ class DeadlineMonitor:
         """Number of steps that missed their deadline so far."""
         return len(self._missed)
 
-    @property
-    def exhausted(self) -> bool:
-        """True when more steps in a row missed than are tolerated."""
-        return self._consecutive > self._tolerated
+    def exhausted(self, now: float, next_deadline: float) -> bool:
+        """Tell whether no shear has been back in time for longer than is tolerated.
 
-    def opened(self, step: int, time: float) -> None:
-        """Note that a step begins, so that the step before must have closed by now.
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        next_deadline : float
+            Deadline of the step that is about to begin: it may have passed already.
+        """
+        return now - min(self._missing_since, next_deadline) > self._tolerated * (1.0 - 1e-9)
+
+    def opened(self, step: int, time: float, deadline: float) -> None:
+        """Note that a step begins; the step before can close no more.
 
         Parameters
         ----------
@@ -51,10 +67,13 @@ class DeadlineMonitor:
             Step index, one more than at the last call.
         time : float
             Time of a monotonic clock [s].
+        deadline : float
+            When the next step is due [s]; infinite in lockstep.
         """
-        self.expired()
+        self.expired(time)
         self._step = step
         self._opened_at = time
+        self._deadline = deadline
         self._open = True
 
     def closed(self, step: int, time: float) -> bool:
@@ -70,31 +89,39 @@ class DeadlineMonitor:
         Returns
         -------
         bool
-            True when it closes the step that is open; False for a late, early or repeated one.
+            True when it closes the step that is open, in time or not; False for an early, older or repeated one.
         """
         if not self._open or step != self._step:
             return False
+        if time > self._deadline:
+            self._miss()
+        else:
+            self._closure[step] = time - self._opened_at
+            self._consecutive = 0
+            self._missing_since = math.inf
         self._open = False
-        self._consecutive = 0
-        self._closure[step] = time - self._opened_at
         return True
 
-    def expired(self) -> None:
-        """Note that the deadline of the open step, if there is one, has passed."""
-        if self._open:
+    def expired(self, time: float) -> None:
+        """Note the time: the open step misses its deadline when that has passed.
+
+        Parameters
+        ----------
+        time : float
+            Time of the same clock [s].
+        """
+        if self._open and time >= self._deadline:
             self._open = False
-            self._missed.append(self._step)
-            self._consecutive += 1
-            self._longest = max(self._longest, self._consecutive)
+            self._miss()
+
+    def _miss(self) -> None:
+        self._missed.append(self._step)
+        self._missing_since = min(self._missing_since, self._deadline)
+        self._consecutive += 1
+        self._longest = max(self._longest, self._consecutive)
 
     def statistics(self) -> TimingStatistics:
-        """Return the statistics so far.
-
-        Returns
-        -------
-        TimingStatistics
-            Closure times are NaN when no step has closed.
-        """
+        """Return the statistics so far; closure times are NaN when no step has closed in time."""
         closed = 1e3 * self._closure[np.isfinite(self._closure)]
         p50, p99, longest = np.percentile(closed, [50, 99, 100]).tolist() if len(closed) else [float("nan")] * 3
         return TimingStatistics(

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import DrivingStopped, drive
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
+from bmd_rths_core.identification.excited_table import DrivingStopped, drive
 from bmd_rths_core.identification.frequency_response import (
     FrequencyResponse,
     estimate_frequency_response,

@@ -1,9 +1,8 @@
 """Safety: what may reach the table, how it is brought to rest, and when a test is about to diverge."""
 
 from bmd_rths_core.safety.config import SafetyConfig
-from bmd_rths_core.safety.rest import bring_to_rest, halt
 from bmd_rths_core.safety.stability_indicator import StabilityIndicator
 from bmd_rths_core.safety.supervisor import SafetySupervisor, State
 from bmd_rths_core.safety.trips import Action, Trip
 
-__all__ = ["Action", "SafetyConfig", "SafetySupervisor", "StabilityIndicator", "State", "Trip", "bring_to_rest", "halt"]
+__all__ = ["Action", "SafetyConfig", "SafetySupervisor", "StabilityIndicator", "State", "Trip"]

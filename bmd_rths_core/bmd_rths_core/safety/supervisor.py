@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from enum import Enum
 
 from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
@@ -15,6 +16,15 @@ from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 
 #: Time constant of the mean difference between measured and commanded displacement [s].
 OFFSET_TIME = 1.0
+
+#: A table that is slower and nearer than this is at rest at zero displacement [m/s, m].
+SETTLED_VELOCITY = 2e-5
+SETTLED_DISPLACEMENT = 2e-5
+
+#: What commands that were not held for just Δt leave at the end is taken away by further ways to rest, gentle ones so
+#: that they leave less. So many are tried; each leaves about a hundredth of what it takes away.
+MOST_CORRECTIONS = 5
+_GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
 
 
 class State(Enum):
@@ -57,6 +67,7 @@ class SafetySupervisor:
 
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
         self._config = config
+        self._gentle = replace(config, **{name: min(getattr(config, name), most) for name, most in _GENTLE.items()})
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
@@ -74,6 +85,9 @@ class SafetySupervisor:
         self._last_step = -1
         self._last_measured = -1
         self._plan: list[float] | None = None
+        self._planned = REST
+        self._replaced = 0.0  # the acceleration that the last command has replaced
+        self._corrections = 0
         self._measurement_check.reset()
 
     def resume(self, step: int, motion: Motion, offset: float, tracking_mean_square: float) -> None:
@@ -116,7 +130,7 @@ class SafetySupervisor:
         """True when a ramp or hold has ended, and after an emergency stop."""
         return self.state is State.STOPPED or (self.state is State.HOLDING and self._plan == [])
 
-    def check(self, step: int, command: float) -> bool:
+    def check(self, step: int, command: float, late: float | None = None) -> bool:
         """Decide on the command of a step.
 
         Parameters
@@ -125,6 +139,9 @@ class SafetySupervisor:
             Step index, larger than the last one.
         command : float
             Acceleration command [m/s²].
+        late : float, optional
+            How much longer than Δt the last command was held [s], negative when it was held for a shorter time; by
+            default the steps that were skipped.
 
         Returns
         -------
@@ -142,26 +159,52 @@ class SafetySupervisor:
             return False
         unheard = self._last_step - self._last_measured
         skipped = step - self._last_step - 1
-        self._hold(skipped)
+        self._last_step += skipped
+        silent = skipped * self._time_step if late is None else late
+        self._hold(silent)
         if self.passing:
-            self.record(self._passed_limits(step, command, skipped, unheard))
+            self.record(self._passed_limits(step, command, silent, unheard))
         if self.passing:
             self._send(command)
         return self.passing
 
-    def silence(self, steps: int) -> None:
-        """Tell that no command has come for a time; the table has held the last one.
+    def goes_on_without(self, late: float) -> bool:
+        """Decide whether the test goes on while its next command does not come; the table holds the last one.
 
         Parameters
         ----------
-        steps : int
-            Whole steps since the next command was due.
+        late : float
+            Time since that command was due [s].
+
+        Returns
+        -------
+        bool
+            False when it has not come for too long, and before the table could no longer be brought to rest within
+            displacement and velocity limit.
         """
-        trip = self._stale_shear(self._last_step + 1 + steps, steps)
-        if self.passing and trip is not None:
-            self.record([trip])
-        if not self.passing and self._plan is None:
-            self._hold(steps)
+        if not self.passing:
+            return False
+        step, held = self._last_step + 1, self._motion.acceleration
+        trips = [trip for trip in (self._stale_shear(step, late),) if trip is not None]
+        if late > self._time_step:
+            ahead = self._motion.after(held, late + self._time_step)
+            trips += self._passed_on_the_way_to_rest(step, ahead)
+        self.record(trip for trip in trips if trip.action is not Action.IGNORE)
+        return self.passing
+
+    def began_late(self, delay: float) -> None:
+        """Correct the motion for a command that reached the table later than it was decided on.
+
+        Parameters
+        ----------
+        delay : float
+            [s].
+        """
+        change = (self._motion.acceleration - self._replaced) * delay
+        self._motion = self._motion._replace(
+            displacement=self._motion.displacement - change * (self._time_step - 0.5 * delay),
+            velocity=self._motion.velocity - change,
+        )
 
     def observe(self, measurement: TableMeasurement) -> None:
         """Check what the sensors say; a limit that is passed takes effect with the next command.
@@ -211,8 +254,13 @@ class SafetySupervisor:
         """
         self._begin(action)
 
-    def advance(self) -> TableCommand | None:
+    def advance(self, late: float = 0.0) -> TableCommand | None:
         """Return the next command on the way to rest, while no command is passed on.
+
+        Parameters
+        ----------
+        late : float
+            How much longer than Δt the last command was held [s]. The way is planned anew where that matters.
 
         Returns
         -------
@@ -220,25 +268,47 @@ class SafetySupervisor:
             For one step each; zero acceleration without end when a hold has come to rest, None when the table gets no
             further command: at the end of a ramp and after an emergency stop.
         """
+        self._last_step += max(0, math.floor(late / self._time_step + 1e-9))
+        self._hold(late)
         if not self._motion.plausible:  # a ramp would have no end
             self._begin(Action.EMERGENCY_STOP)
+        if self._plan is not None and self._strayed():
+            self._plan = None
         if self._plan is None:
-            self._plan = self._way_to_rest()
+            self._plan, self._planned = self._way_to_rest(self._config), self._motion
+            self._corrections = 0
+        elif not self._plan and self._unsettled() and self._corrections < MOST_CORRECTIONS:
+            self._plan, self._planned = self._way_to_rest(self._gentle), self._motion
+            self._corrections += 1
         if self._plan:
-            return self._send(self._plan.pop())
+            command = self._plan.pop()
+            self._planned = self._planned.after(command, self._time_step)
+            return self._send(command)
         if self.state is State.HOLDING:
             return self._send(0.0)
         self.state = State.STOPPED
         return None
 
-    def _hold(self, steps: int) -> None:
-        """Follow the table while it has held the last command."""
-        if steps:
-            self._motion = self._motion.after(self._motion.acceleration, steps * self._time_step)
-            self._last_step += steps
+    def _strayed(self) -> bool:
+        """Tell whether commands were held for so much longer or shorter that the plan does not lead to rest."""
+        off = 0.5 * self._config.ramp_acceleration * self._time_step
+        return abs(self._motion.velocity - self._planned.velocity) > off
+
+    def _unsettled(self) -> bool:
+        """Tell whether the table still moves, or stands off zero, because commands were not held for just Δt."""
+        if self.state not in (State.HOLDING, State.RAMPING):
+            return False
+        off = self.state is State.RAMPING and abs(self._motion.displacement) > SETTLED_DISPLACEMENT
+        return off or abs(self._motion.velocity) > SETTLED_VELOCITY
+
+    def _hold(self, late: float) -> None:
+        """Follow the table while it has held the last command for longer than Δt, or for a shorter time."""
+        if late:
+            self._motion = self._motion.after(self._motion.acceleration, late)
 
     def _send(self, command: float) -> TableCommand:
         self._last_step += 1
+        self._replaced = self._motion.acceleration
         self._motion = self._motion.after(command, self._time_step)
         return TableCommand(self._last_step, command)
 
@@ -251,21 +321,21 @@ class SafetySupervisor:
         self.state = state
         self._plan = None
 
-    def _way_to_rest(self) -> list[float]:
+    def _way_to_rest(self, config: SafetyConfig) -> list[float]:
         """Return the commands to rest, the last one first."""
         if self.state is State.HOLDING:
-            commands = stop_commands(self._motion, self._config, self._time_step)
+            commands = stop_commands(self._motion, config, self._time_step)
         elif self.state is State.RAMPING:
-            commands = ramp_commands(self._motion, self._config, self._time_step)
+            commands = ramp_commands(self._motion, config, self._time_step)
         else:
             return []
         plan: list[float] = commands[::-1].tolist()
         return plan
 
-    def _passed_limits(self, step: int, command: float, skipped: int, unheard: int) -> list[Trip]:
+    def _passed_limits(self, step: int, command: float, silent: float, unheard: int) -> list[Trip]:
         """Return every limit that a command passes."""
         config, trips = self._config, []
-        stale = self._stale_shear(step, skipped)
+        stale = self._stale_shear(step, silent)
         if stale is not None:
             trips.append(stale)
         if unheard > config.stale_controller_limit:
@@ -280,12 +350,12 @@ class SafetySupervisor:
             increment = command - self._motion.acceleration
             if abs(increment) > config.increment_limit:
                 trips.append(self._trip("increment", "m/s2", "change of the command", increment, step))
-            trips += self._passed_on_the_way_to_rest(step, command)
+            trips += self._passed_on_the_way_to_rest(step, self._motion.after(command, self._time_step))
         return [trip for trip in trips if trip.action is not Action.IGNORE]
 
-    def _passed_on_the_way_to_rest(self, step: int, command: float) -> list[Trip]:
+    def _passed_on_the_way_to_rest(self, step: int, motion: Motion) -> list[Trip]:
         trips = []
-        way = stopping_range(self._motion.after(command, self._time_step), self._config, self._time_step)
+        way = stopping_range(motion, self._config, self._time_step)
         lowest, highest = way.lowest + self._offset, way.highest + self._offset
         farthest = highest if highest > -lowest else lowest
         if abs(farthest) > self._config.displacement_limit:
@@ -294,10 +364,11 @@ class SafetySupervisor:
             trips.append(self._trip("velocity", "m/s", "predicted velocity until rest", way.velocity, step))
         return trips
 
-    def _stale_shear(self, step: int, skipped: int) -> Trip | None:
-        if skipped <= self._config.stale_shear_limit or self._actions["stale_shear"] is Action.IGNORE:
+    def _stale_shear(self, step: int, silent: float) -> Trip | None:
+        steps = math.floor(silent / self._time_step + 1e-9)
+        if steps <= self._config.stale_shear_limit or self._actions["stale_shear"] is Action.IGNORE:
             return None
-        return self._trip("stale_shear", "steps", "steps without a command", skipped, step)
+        return self._trip("stale_shear", "steps", "steps without a command", steps, step)
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
         allowed = getattr(self._config, f"{limit}_limit")

@@ -63,6 +63,9 @@ class TableController(Protocol):
 
     The order of calls is `connect`, then `exchange` once a step, then `stop`, then `close`. `stop`, `emergency_stop`
     and `close` may be called at any time and more than once, and raise nothing; `connect` then begins a new test.
+
+    A controller whose table lives by steps, a model, has an attribute `by_steps` that is true: such a table moves with
+    the commands. Without it the table is real: it holds each command until the next one, by the clock.
     """
 
     def connect(self) -> None:
@@ -118,13 +121,18 @@ class AsynchronousTableController(TableController, Protocol):
     def awaiting(self) -> bool:
         """True while a command is neither answered nor given up."""
 
-    def begin(self, command: TableCommand) -> None:
+    def begin(self, command: TableCommand) -> float | None:
         """Apply a command for one step and return at once.
 
         Parameters
         ----------
         command : TableCommand
             As for `exchange`.
+
+        Returns
+        -------
+        float or None
+            When the command went out, by the clock of the host [s]; None where the controller cannot tell.
 
         Raises
         ------

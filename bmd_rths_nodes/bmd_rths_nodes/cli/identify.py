@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 from datetime import datetime, timezone
@@ -16,16 +17,19 @@ from rich.table import Table
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.driving import DrivingStopped, Responses, drive, responses_of
 from bmd_rths_core.identification.excitation import EXCITATION_KINDS, ExcitationSettings, excitation_command
+from bmd_rths_core.identification.excited_table import DrivingStopped, Responses, drive, responses_of
 from bmd_rths_core.identification.output import frequency_response_text, model_text
 from bmd_rths_core.identification.specimen_model import SpecimenModel, identify_specimen
 from bmd_rths_core.identification.spectral_lines import LEAST_COHERENCE
 from bmd_rths_core.identification.table_model import LARGEST_ORDER, TableModel, identify_table
 from bmd_rths_core.loop.build import make_supervisor
+from bmd_rths_core.safety import Action
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar
+from bmd_rths_nodes.hardware.clock import MonotonicClock
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 
 #: Largest command without --amplitude [m/s²]. A sweep dwells at each resonance of the specimen, so it has less.
@@ -94,6 +98,8 @@ def identify(
         return 1
     table, specimen = _identified(responses, resolved, what, _radians(band), _radians(delay_band), fixed_order)
     result: dict[str, Any] = {"what": what, "source": responses.source if bag is not None else _words(excited)}
+    if bag is None and responses.source != "driven":
+        result["source"] += f" ({responses.source.removeprefix('driven; ')})"
     result |= {"time_step": responses.time_step, "band_hz": list(band)}
     result["largest_acceleration"] = {"table": responses.largest_table, "floors": responses.largest_floor}
     if table is not None:
@@ -116,16 +122,42 @@ def _refuse_excitation() -> None:
 
 def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     commands = excitation_command(excited, config.run.time_step)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
-    with progress_bar(*columns) as progress:
-        task = progress.add_task(_words(excited), total=len(commands))
-        return drive(
-            make_table_controller(config),
-            make_supervisor(config),
+    # A ramp does not hurt the specimen, and a controller whose answers are lost may hear the commands all the same.
+    supervisor = make_supervisor(config.changed(safety__stale_controller_action=Action.RAMP.name.lower()))
+    table = make_table_controller(config)
+    with collected_interrupts() as interrupts:
+        if _by_steps(config):
+            columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
+            with progress_bar(*columns) as progress:
+                task = progress.add_task(_words(excited), total=len(commands))
+                return drive(
+                    table,
+                    supervisor,
+                    commands,
+                    config.run.time_step,
+                    progress=lambda done: progress.update(task, completed=done),
+                    stops_asked=lambda: len(interrupts),
+                )
+        # Nothing else happens in this process while the table moves: no drawing, no collection of garbage.
+        log(f"{_words(excited)}: the table moves for {len(commands) * config.run.time_step:.0f} s (Ctrl-C stops it)")
+        gc.collect()
+        gc.freeze()
+        responses = drive(
+            table,
+            supervisor,
             commands,
             config.run.time_step,
-            progress=lambda done: progress.update(task, completed=done),
+            clock=MonotonicClock(),
+            stops_asked=lambda: len(interrupts),
         )
+    if responses.source != "driven":
+        log(responses.source)
+    return responses
+
+
+def _by_steps(config: Config) -> bool:
+    """Tell whether the table of a configuration is computed step by step, as fast as it goes."""
+    return config.run.lockstep or config.table.controller == "simulated"
 
 
 def _identified(

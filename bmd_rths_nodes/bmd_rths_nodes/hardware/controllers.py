@@ -9,7 +9,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop import build
 from bmd_rths_core.table.controller import TableController
-from bmd_rths_nodes.hardware.udp import make_udp_table
+from bmd_rths_nodes.hardware.udp_socket import udp_table
 
 #: Entry points of this group are table controllers: functions of a `Config` that return a `TableController`.
 GROUP = "bmd_rths.table_controllers"
@@ -17,7 +17,7 @@ GROUP = "bmd_rths.table_controllers"
 Maker = Callable[[Config], TableController]
 
 #: The controllers of this project need no installed metadata and cannot be replaced by others of the same name.
-_OWN: dict[str, Maker] = {"simulated": build.make_table_controller, "udp": make_udp_table}
+_OWN: dict[str, Maker] = {"simulated": build.make_table_controller, "udp": udp_table}
 
 
 def make_table_controller(config: Config) -> TableController:

@@ -14,6 +14,7 @@ from rclpy.serialization import deserialize_message
 
 from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.record import TimingStatistics, provenance
 from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
@@ -114,7 +115,7 @@ class RecorderNode(StageNode):
 
     def wants_more_time(self, waited: float, hurried: bool) -> bool:
         """Wait for the end of a test that is under way, and for the way of the table to rest."""
-        if self.state != status.READY or self.steps == 0 or self._writer is None:
+        if self.state != NodeState.READY or self.steps == 0 or self._writer is None:
             return False
         return waited < LONGEST_FAREWELL + (self._time_to_rest if self._table_moves and not hurried else 0.0)
 
@@ -198,11 +199,11 @@ class RecorderNode(StageNode):
             return
         self._record(DIAGNOSTICS.full_name, DIAGNOSTICS.type_name, data)
         for peer in status.from_message(deserialize_message(data, DiagnosticArray)):
-            if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state == status.ENDED and peer.values.get("outcome"):
+            if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state == NodeState.ENDED and peer.values.get("outcome"):
                 self._end = peer
             elif peer.role == TABLE_DRIVER:
                 self._table_moves = peer.values.get("table") == "moving"
-                self._trip = peer.message if peer.state == status.TRIPPED else self._trip
+                self._trip = peer.message if peer.state == NodeState.TRIPPED else self._trip
 
     def _record(self, name: str, type_name: str, data: bytes) -> None:
         now = time.time_ns()
@@ -216,7 +217,7 @@ class RecorderNode(StageNode):
             action()
         except OSError as error:
             self._writer = None
-            self.set_state(status.TRIPPED, f"{self._bag}: cannot be written: {error.strerror}", status.ERROR)
+            self.set_state(NodeState.TRIPPED, f"{self._bag}: cannot be written: {error.strerror}", status.ERROR)
             return False
         return True
 
@@ -229,7 +230,7 @@ class RecorderNode(StageNode):
         writer = self._writer
         if writer is not None and self._guarded(lambda: writer.close(end_metadata(outcome, reason, timing))):
             self.get_logger().info(f"{self._messages} messages in {self._bag}; {outcome}: {reason}")
-            self.set_state(status.ENDED, self._bag)
+            self.set_state(NodeState.ENDED, self._bag)
         self._writer = None
 
 

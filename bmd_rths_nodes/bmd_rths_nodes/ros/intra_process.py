@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Callable, Collection
 from collections.abc import Set as AbstractSet
 
+from bmd_rths_nodes.ros.status import NodeStatus
+
 Handler = Callable[[bytes], None]
 
 
@@ -24,6 +26,7 @@ class IntraProcess:
     def __init__(self, roles: Collection[str]) -> None:
         self._roles = frozenset(roles)
         self._consumers: dict[str, dict[str, Handler]] = {}
+        self._listeners: dict[str, Callable[[NodeStatus], None]] = {}
         self._to_hand_over: deque[tuple[str, bytes]] = deque()
         self._to_publish: deque[tuple[Handler, bytes]] = deque()
 
@@ -69,8 +72,35 @@ class IntraProcess:
         role : str
             Its role.
         """
+        self._listeners.pop(role, None)
         for handlers in self._consumers.values():
             handlers.pop(role, None)
+
+    def hear_statuses(self, role: str, handler: Callable[[NodeStatus], None]) -> None:
+        """Hand every status that a node of this process tells to another one.
+
+        Parameters
+        ----------
+        role : str
+            Role of the node that listens.
+        handler : callable
+            Gets the statuses of the others.
+        """
+        self._listeners[role] = handler
+
+    def tell_status(self, role: str, status: NodeStatus) -> None:
+        """Tell the other nodes of this process a status, without the middleware and at once.
+
+        Parameters
+        ----------
+        role : str
+            Role of the node that tells.
+        status : NodeStatus
+            What it says.
+        """
+        for listener, handler in list(self._listeners.items()):
+            if listener != role:
+                handler(status)
 
     def sender(self, topic: str, publish: Handler) -> Handler:
         """Return what a node sends the messages of a topic with.

@@ -14,6 +14,7 @@ from rclpy.publisher import Publisher
 from bmd_rths_core.analysis.replay import measured_steps, measurement_at
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.record import RunRecord
 from bmd_rths_msgs_py.cdr import MalformedMessage, ScalarCodec
 from bmd_rths_msgs_py.topics import (
@@ -27,7 +28,7 @@ from bmd_rths_msgs_py.topics import (
     NUMERICAL_SUBSTRUCTURE,
     REQUIRED_FORCE,
 )
-from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros import qos
 from bmd_rths_nodes.ros.messages import codec_of, message_class
 from bmd_rths_nodes.ros.spin import LONGEST_WAIT, WAKE_UP_MARGIN
 from bmd_rths_nodes.run.monitor import DISCOVERY_TIME, RunMonitor
@@ -190,7 +191,7 @@ class Playback:
         return [
             f"{role} ({'silent' if entry is None else entry.message or entry.state})"
             for role, entry in told.items()
-            if entry is None or entry.state != status.READY
+            if entry is None or entry.state != NodeState.READY
         ]
 
     def _wait(self, condition: Callable[[], bool], interrupts: Sequence[int], give_up: float) -> None:

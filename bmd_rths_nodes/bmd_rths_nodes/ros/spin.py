@@ -78,6 +78,7 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
             last.callback(rclpy.try_shutdown)
             for node in reversed(nodes):
                 last.callback(node.destroy_node)
+                last.callback(node.flush_log)
                 last.callback(node.say_farewell)
             last.callback(intra_process.publish)
             for node in reversed(nodes):  # every one of them before any waits
@@ -103,12 +104,16 @@ def _spin(
         if intra_process.deliver():
             executor.spin_once(timeout_sec=0.0)  # in lockstep there is always more to deliver
             continue
+        if not any(node.drives for node in nodes):
+            for node in nodes:
+                node.flush_log()
         wait = due - clock()
         if wait > WAKE_UP_MARGIN:
             executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
-        else:
+        else:  # what has arrived is read up to the last moment, and by a process that is late
+            executor.spin_once(timeout_sec=0.0)
             while clock() < due:
-                pass
+                executor.spin_once(timeout_sec=0.0)
 
 
 def _autostart(node: StageNode) -> str:

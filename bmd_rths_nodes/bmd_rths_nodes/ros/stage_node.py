@@ -19,6 +19,7 @@ from rclpy.subscription import Subscription
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.cdr import MalformedMessage
 from bmd_rths_msgs_py.topics import NAMESPACE, RECORDER, Topic
 from bmd_rths_nodes.ros import qos, status, triggers
@@ -44,7 +45,7 @@ LOOK_PERIOD = 0.1
 FAREWELL_TIMEOUT = 1.0
 
 #: States in which messages are looked at.
-_TAKING_PART = (status.WAITING, status.READY, status.RUNNING)
+_TAKING_PART = (NodeState.WAITING, NodeState.READY, NodeState.RUNNING)
 
 
 class StageNode(LifecycleNode, ABC):
@@ -75,7 +76,8 @@ class StageNode(LifecycleNode, ABC):
         )
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.problem = ""
-        self.state = status.INACTIVE
+        self.to_log: list[tuple[str, str]] = []
+        self.state = NodeState.INACTIVE
         self.level = status.OK
         self.note = ""
         self.configured = False
@@ -113,7 +115,7 @@ class StageNode(LifecycleNode, ABC):
 
     def on_disturbance(self, problem: str) -> None:
         """Take no part in the test any more: somebody else publishes what this node listens to."""
-        self.set_state(status.TRIPPED, problem, status.ERROR)
+        self.set_state(NodeState.TRIPPED, problem, status.ERROR)
 
     def wants_more_time(self, waited: float, hurried: bool) -> bool:
         """Tell whether the node still has to hear something before its process may end.
@@ -128,12 +130,14 @@ class StageNode(LifecycleNode, ABC):
         return False
 
     def listen_to_peers(self, on_peer: Callable[[NodeStatus], None]) -> None:
-        """Call a function with every status that a node of this project tells."""
+        """Call a function with every status that a node of this project tells; those of this process come at once."""
 
         def on_diagnostics(message: DiagnosticArray) -> None:
             for peer in status.from_message(message):
-                on_peer(peer)
+                if not self._intra_process.has(peer.role):
+                    on_peer(peer)
 
+        self._intra_process.hear_statuses(self.ROLE, on_peer)
         self._subscriptions_of.append(
             self.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, qos.DIAGNOSTICS)
         )
@@ -202,15 +206,30 @@ class StageNode(LifecycleNode, ABC):
         self._subscriptions_of.append(subscription)
         return subscription
 
-    def set_state(self, state: str, note: str = "", level: bytes = status.OK) -> None:
+    def set_state(self, state: NodeState, note: str = "", level: bytes = status.OK) -> None:
         """Change the state and tell it at once."""
         self.state, self.note, self.level = state, note, level
         self.publish_status()
 
+    def log_later(self, text: str, severity: str = "info") -> None:
+        """Log a line when no node of this process drives a test or a table: a log call may stall it."""
+        self.to_log.append((severity, text))
+
+    @property
+    def drives(self) -> bool:
+        """True while something moves that must not wait for a log call."""
+        return False
+
+    def flush_log(self) -> None:
+        """Log what was kept back."""
+        while self.to_log:
+            severity, text = self.to_log.pop(0)
+            getattr(self.get_logger(), severity)(text)
+
     def expect_a_new_test(self) -> None:
         """Look for the peers, and begin at step 0."""
         self._forget_counts()
-        self.set_state(status.WAITING)
+        self.set_state(NodeState.WAITING)
 
     def status_due_within(self, seconds: float) -> None:
         """Tell the status soon, that is `seconds` after it was last told."""
@@ -233,8 +252,8 @@ class StageNode(LifecycleNode, ABC):
         """
         if now >= self._status_due:
             idle = self.steps == self._steps_told
-            if idle and self.state in (status.WAITING, status.READY):
-                self.state = status.READY if now >= self._settled_at and self._matched() else status.WAITING
+            if idle and self.state in (NodeState.WAITING, NodeState.READY):
+                self.state = NodeState.READY if now >= self._settled_at and self._matched() else NodeState.WAITING
                 self.note = self._disturbance()
             self._steps_told = self.steps
             self.publish_status()
@@ -247,7 +266,7 @@ class StageNode(LifecycleNode, ABC):
 
     def publish_status(self) -> None:
         """Tell the status now."""
-        prepares = self.steps == 0 and self.state in (status.WAITING, status.READY)
+        prepares = self.steps == 0 and self.state in (NodeState.WAITING, NodeState.READY)
         self._status_told = time.perf_counter()
         self._status_due = self._status_told + (PREPARATION_PERIOD if prepares else STATUS_PERIOD)
         seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
@@ -258,6 +277,7 @@ class StageNode(LifecycleNode, ABC):
             "malformed": str(self.malformed),
         }
         own = NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
+        self._intra_process.tell_status(self.ROLE, own)
         self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
 
     def make_safe(self, ending: Ending) -> None:
@@ -310,7 +330,7 @@ class StageNode(LifecycleNode, ABC):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop taking part."""
         self.stop_stage()
-        self.set_state(status.INACTIVE)
+        self.set_state(NodeState.INACTIVE)
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -322,7 +342,7 @@ class StageNode(LifecycleNode, ABC):
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop taking part for good."""
         self.stop_stage()
-        self.set_state(status.INACTIVE)
+        self.set_state(NodeState.INACTIVE)
         self._destroy_topics()
         self.configured = False
         return super().on_shutdown(state)
@@ -368,7 +388,7 @@ class StageNode(LifecycleNode, ABC):
     def _count_malformed(self, topic: Topic, problem: str) -> None:
         self.malformed += 1
         if self.malformed == 1:
-            self.get_logger().warning(f"{topic.name}: message dropped: {problem}; further ones are only counted")
+            self.log_later(f"{topic.name}: message dropped: {problem}; further ones are only counted", "warning")
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         if self.configured:

@@ -7,17 +7,13 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from bmd_rths_core.loop.states import NodeState
+
 HARDWARE_ID = "bmd_rths"
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+_STATES = {str(state) for state in NodeState}
 
-#: States of a node, in the order it goes through them.
-INACTIVE = "inactive"  # configured or not, but not taking part
-WAITING = "waiting"  # active, but not yet matched with all its peers
-READY = "ready"  # matched; the numerical substructure starts when all are
-RUNNING = "running"  # a test is under way
-ENDED = "ended"  # the test is over, for the recorder: the bag is closed
-TRIPPED = "tripped"  # stopped itself; nothing moves until it is activated again
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 @dataclass(frozen=True)
@@ -28,8 +24,8 @@ class NodeStatus:
     ----------
     node : str
         Fully qualified node name.
-    state : str
-        One of the states above.
+    state : NodeState
+        What it does.
     level : bytes
         `OK`, `WARN` or `ERROR`.
     message : str
@@ -39,7 +35,7 @@ class NodeStatus:
     """
 
     node: str
-    state: str
+    state: NodeState
     level: bytes = OK
     message: str = ""
     values: Mapping[str, str] = field(default_factory=dict)
@@ -68,12 +64,12 @@ def to_message(status: NodeStatus, seconds: int, nanoseconds: int) -> Diagnostic
     message = DiagnosticArray()
     message.header.stamp.sec = seconds
     message.header.stamp.nanosec = nanoseconds
-    values = {"state": status.state, **status.values}
+    values = {"state": str(status.state), **status.values}
     message.status = [
         DiagnosticStatus(
             level=status.level,
             name=status.node,
-            message=status.message or status.state,
+            message=status.message or str(status.state),
             hardware_id=HARDWARE_ID,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
@@ -82,7 +78,7 @@ def to_message(status: NodeStatus, seconds: int, nanoseconds: int) -> Diagnostic
 
 
 def from_message(message: DiagnosticArray) -> list[NodeStatus]:
-    """Return the statuses of this project in a diagnostics message; those of others are left out.
+    """Return the statuses of this project in a diagnostics message; those of others, and unknown states, are left out.
 
     Parameters
     ----------
@@ -96,6 +92,7 @@ def from_message(message: DiagnosticArray) -> list[NodeStatus]:
     found = []
     for entry in message.status:
         values = {pair.key: pair.value for pair in entry.values}
-        if entry.hardware_id == HARDWARE_ID and "state" in values:
-            found.append(NodeStatus(entry.name, values.pop("state"), entry.level, entry.message, values))
+        state = values.pop("state", "")
+        if entry.hardware_id == HARDWARE_ID and state in _STATES:
+            found.append(NodeStatus(entry.name, NodeState(state), entry.level, entry.message, values))
     return found

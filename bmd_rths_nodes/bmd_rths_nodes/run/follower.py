@@ -6,8 +6,8 @@ import math
 import time
 from pathlib import Path
 
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER
-from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.run.monitor import RunMonitor
 from bmd_rths_nodes.run.operator_stop import OperatorStop
 from bmd_rths_nodes.run.processes import Supervisor
@@ -81,7 +81,7 @@ class RunFollower:
             table = "" if driver is None else driver.values.get("table", "")
             if table == "moving":
                 words = "stopping, the table moves"
-            elif table and told.state == status.ENDED:
+            elif table and told.state == NodeState.ENDED:
                 words = "stopping, the bag is being closed"
         return words, int(told.values["step"])
 
@@ -102,9 +102,9 @@ class RunFollower:
         if self._operator.asked and (self._started or not self._state):  # what is not heard of may be a test
             self._operator.update()
         recorder = self._monitor.status.get(RECORDER)
-        if recorder is not None and recorder.state == status.ENDED:
+        if recorder is not None and recorder.state == NodeState.ENDED:
             return Path(recorder.values["bag"])
-        if recorder is not None and recorder.state == status.TRIPPED and not self.problem:
+        if recorder is not None and recorder.state == NodeState.TRIPPED and not self.problem:
             self.problem = f"{RECORDER}: {recorder.message}"
             self._wait_for(self._time_to_rest + FAREWELL_TIME)
         self._judge_processes()
@@ -119,7 +119,7 @@ class RunFollower:
 
     @property
     def _started(self) -> bool:
-        return self._state in (status.RUNNING, status.ENDED)
+        return self._state in (NodeState.RUNNING, NodeState.ENDED)
 
     def _wait_for(self, seconds: float) -> None:
         self._give_up = time.perf_counter() + seconds
@@ -134,7 +134,7 @@ class RunFollower:
             if lost.name == RECORDER:  # a test that is not recorded is of no use
                 self._supervisor.interrupt_first()
                 self._closing = self._time_to_rest + FAREWELL_TIME
-        if self._state == status.RUNNING and undisturbed:
+        if self._state == NodeState.RUNNING and undisturbed:
             self._wait_for(math.inf)
         elif self._started or not (undisturbed or self._may_be_heard_of()):
             longest = self._closing if self._started else 0.0
@@ -160,7 +160,7 @@ class RunFollower:
         if self._started and substructure is not None:
             return f"{substructure.message}; the recorder did not close its bag within {self._closing:.3g} s"
         waiting_for = substructure.values.get("waiting_for", "") if substructure else NUMERICAL_SUBSTRUCTURE
-        notes = {peer.message for peer in told.values() if peer.state == status.WAITING} - {status.WAITING}
+        notes = {peer.message for peer in told.values() if peer.state == NodeState.WAITING} - {NodeState.WAITING}
         why = f" ({'; '.join(sorted(notes))})" if notes else ""
         return (
             f"the nodes did not find each other within {START_TIMEOUT:g} s; "

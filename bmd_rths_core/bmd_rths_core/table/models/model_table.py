@@ -26,6 +26,8 @@ class ModelTable(ABC):
         True motion at the end of the last step.
     """
 
+    by_steps = True
+
     def __init__(self, sensors: Sensors) -> None:
         self._sensors = sensors
         self.connect()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -11,8 +10,9 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.displacement_command import DisplacementCommand, TableMotion
 from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
+from bmd_rths_core.table.transport import Transport
+from bmd_rths_core.table.udp_session import ACCELERATION_ONLY, UdpSession
 from bmd_rths_core.table.wire import ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
-from bmd_rths_nodes.hardware.udp_link import ACCELERATION_ONLY, UdpLink
 
 #: Time between two packets of a host that waits for the first command [s]; controllers let go of a host after 1 s.
 KEEP_ALIVE_PERIOD = 0.25
@@ -45,6 +45,10 @@ class UdpTable:
         Δt [ns].
     lockstep : bool
         The controller is a simulator that advances one step a command.
+    transport : Transport
+        Datagrams and clock of the host.
+    session : int
+        Number of the session, 32 bits, that no other host has.
     motion : DisplacementCommand, optional
         Makes velocity and displacement of each command; without it they are not sent.
     """
@@ -55,12 +59,15 @@ class UdpTable:
         floors: int,
         time_step_ns: int,
         lockstep: bool,
+        transport: Transport,
+        session: int,
         motion: DisplacementCommand | None = None,
     ) -> None:
         self._config = config
         self._lockstep = lockstep
         self._motion = motion
-        self._link = UdpLink(config, floors, time_step_ns)
+        self._transport = transport
+        self._link = UdpSession(config, floors, time_step_ns, transport, session)
         self._armed = False
         self._last_step = -1
         self._last_acceleration = 0.0
@@ -79,7 +86,7 @@ class UdpTable:
             The controller does not answer, is in an interlock or is used by another host.
         """
         self.stop()
-        self._link.open()
+        self._transport.open()
         state = self._settled(self._link.ask(Kind.STATUS))
         if state.state is ControllerState.INTERLOCK and self._config.reset_interlock:
             state = self._reset(state)
@@ -97,7 +104,7 @@ class UdpTable:
         self._last_acceleration = 0.0
         self._pending.clear()
         self._link.forget()
-        self._keep_alive_due = time.perf_counter() + KEEP_ALIVE_PERIOD
+        self._keep_alive_due = self._transport.now() + KEEP_ALIVE_PERIOD
         if self._motion is not None:
             self._motion.reset()
 
@@ -135,11 +142,11 @@ class UdpTable:
             measurement = self.poll()
             if measurement is not None and measurement.step == command.step:
                 return measurement
-            self._link.readable(min((pending.deadline for pending in self._pending.values()), default=0.0))
+            self._transport.wait(min((pending.deadline for pending in self._pending.values()), default=0.0))
         raise NoAnswer(f"no answer to step {command.step} within {1e3 * self._config.answer_timeout:g} ms")
 
-    def begin(self, command: TableCommand) -> None:
-        """Send a command in real time; `poll` returns its measurement.
+    def begin(self, command: TableCommand) -> float:
+        """Send a command in real time and return when; `poll` returns its measurement.
 
         Parameters
         ----------
@@ -154,7 +161,9 @@ class UdpTable:
             The table is stopped, or the step lies in the past.
         """
         sequence = self._link.send(Kind.COMMAND, *command, self._next(command))
-        self._pending[sequence] = _Pending(command, time.perf_counter() + self._config.answer_timeout)
+        sent_at = self._transport.now()
+        self._pending[sequence] = _Pending(command, sent_at + self._config.answer_timeout)
+        return sent_at
 
     def poll(self) -> TableMeasurement | None:
         """Return the measurement of a command whose answer has come, without waiting.
@@ -177,11 +186,9 @@ class UdpTable:
             return None
         self._stay_in_session()
         for _ in range(MOST_DATAGRAMS):
-            if not self._link.readable():
-                break
             packet = self._link.read()
             if packet is None:
-                continue
+                break
             if packet.sequence in self._pending:
                 while (older := next(iter(self._pending))) != packet.sequence:
                     self._give_up(older)
@@ -191,7 +198,7 @@ class UdpTable:
             asked_for = self._link.count_unasked(packet.sequence) == "answered"
             if asked_for and packet.state not in (ControllerState.ARMED, ControllerState.RUNNING):
                 raise RuntimeError(self._told(packet))
-        now = time.perf_counter()
+        now = self._transport.now()
         for sequence in [sequence for sequence, pending in self._pending.items() if pending.deadline < now]:
             self._give_up(sequence)
         return None
@@ -203,13 +210,13 @@ class UdpTable:
 
     def emergency_stop(self) -> None:
         """Ask for the emergency stop and wait until it is confirmed."""
-        if self._link.is_open:
+        if self._transport.is_open:
             self._halt(Kind.EMERGENCY_STOP)
 
     def close(self) -> None:
         """Stop the table and release the socket."""
         self.stop()
-        self._link.close()
+        self._transport.close()
 
     def statistics(self) -> Mapping[str, str]:
         """Return the counts of packets, and whether the last stop was confirmed."""
@@ -248,7 +255,7 @@ class UdpTable:
 
     def _stay_in_session(self) -> None:
         """Ask for the status while nothing else is sent. Once there are commands, their absence has to be noticed."""
-        now = time.perf_counter()
+        now = self._transport.now()
         if self._last_step < 0 and now >= self._keep_alive_due:
             self._keep_alive_due = now + KEEP_ALIVE_PERIOD
             self._link.expect(self._link.send(Kind.STATUS), "answered")
@@ -261,17 +268,17 @@ class UdpTable:
 
     def _settled(self, state: ControllerPacket) -> ControllerPacket:
         """Wait until the table does not move any more."""
-        give_up = time.perf_counter() + self._config.stop_timeout
-        while state.state is ControllerState.STOPPING and time.perf_counter() < give_up:
-            time.sleep(self._config.resend_after)
+        give_up = self._transport.now() + self._config.stop_timeout
+        while state.state is ControllerState.STOPPING and self._transport.now() < give_up:
+            self._transport.sleep(self._transport.now() + self._config.resend_after)
             state = self._link.ask(Kind.STATUS)
         return state
 
     def _reset(self, state: ControllerPacket) -> ControllerPacket:
         """Reset an interlock, which the controller refuses until its table is at rest."""
-        give_up = time.perf_counter() + self._config.stop_timeout
-        while state.state is ControllerState.INTERLOCK and time.perf_counter() < give_up:
-            time.sleep(self._config.resend_after)
+        give_up = self._transport.now() + self._config.stop_timeout
+        while state.state is ControllerState.INTERLOCK and self._transport.now() < give_up:
+            self._transport.sleep(self._transport.now() + self._config.resend_after)
             state = self._link.ask(Kind.RESET)
         return state
 
@@ -294,13 +301,17 @@ class UdpTable:
         return f"{self._link.where} is {state}"
 
 
-def make_udp_table(config: Config) -> UdpTable:
+def make_udp_table(config: Config, transport: Transport, session: int) -> UdpTable:
     """Return the UDP table controller of a configuration; nothing is sent yet.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
+    transport : Transport
+        Datagrams and clock of the host.
+    session : int
+        Number of the session, 32 bits, that no other host has.
 
     Raises
     ------
@@ -314,4 +325,5 @@ def make_udp_table(config: Config) -> UdpTable:
             f"less than run.time_step, {run.time_step:g} s, is required"
         )
     motion = DisplacementCommand(config.safety, run.time_step) if table.send_displacement else None
-    return UdpTable(table, len(config.specimen.masses), run.time_step_ns, run.lockstep, motion)
+    floors = len(config.specimen.masses)
+    return UdpTable(table, floors, run.time_step_ns, run.lockstep, transport, session, motion)

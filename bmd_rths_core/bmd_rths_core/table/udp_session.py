@@ -1,19 +1,15 @@
-"""Packets to a table controller and back: one socket, one session, and a count of everything that goes wrong."""
+"""Packets to a table controller and back: one session, and a count of everything that goes wrong."""
 
 from __future__ import annotations
 
 import math
-import secrets
-import select
-import socket
-import time
 from collections import Counter
 from collections.abc import Mapping
 
 from bmd_rths_core.safety.displacement_command import TableMotion
-from bmd_rths_core.table.config import TableConfig, parse_address
+from bmd_rths_core.table.config import TableConfig
+from bmd_rths_core.table.transport import Datagram, Transport
 from bmd_rths_core.table.wire import (
-    LONGEST_DATAGRAM,
     MODULUS,
     ControllerPacket,
     HostPacket,
@@ -32,7 +28,7 @@ _COUNTS = (
 )
 
 
-class UdpLink:
+class UdpSession:
     """The packets of one session between this host and a table controller.
 
     Only what comes from the address of the controller, is whole and carries the number of the session is an answer; the
@@ -46,23 +42,21 @@ class UdpLink:
         Number of floor accelerometers n.
     time_step_ns : int
         Δt [ns].
+    transport : Transport
+        Datagrams and clock of the host.
+    session : int
+        Number of the session, 32 bits, that no other host has.
     """
 
-    def __init__(self, config: TableConfig, floors: int, time_step_ns: int) -> None:
+    def __init__(self, config: TableConfig, floors: int, time_step_ns: int, transport: Transport, session: int) -> None:
         self._config = config
+        self._transport = transport
         self._floors = floors
         self._time_step_ns = time_step_ns
-        self._session = secrets.randbits(32)
+        self._session = session
         self._sequence = 0
-        self._socket: socket.socket | None = None
-        self._peer = ("", 0)
         self._of_no_use: dict[int, str] = {}
         self._counts = Counter(dict.fromkeys(_COUNTS, 0))
-
-    @property
-    def is_open(self) -> bool:
-        """True while there is a socket."""
-        return self._socket is not None
 
     @property
     def where(self) -> str:
@@ -71,36 +65,8 @@ class UdpLink:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Packets by what became of them."""
+        """Number of packets that were sent, answered, lost and so on."""
         return self._counts
-
-    def open(self) -> None:
-        """Bind the socket, if there is none.
-
-        Raises
-        ------
-        OSError
-            An address cannot be used.
-        """
-        if self._socket is not None:
-            return
-        local = parse_address("table.local_address", self._config.local_address, any_port=True)
-        host, port = parse_address("table.address", self._config.address)
-        link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._peer = (socket.gethostbyname(host), port)
-            link.bind(local)
-            link.setblocking(False)
-        except OSError as error:
-            link.close()
-            raise OSError(f"{self.where} from {self._config.local_address}: {error.strerror or error}") from error
-        self._socket = link
-
-    def close(self) -> None:
-        """Release the socket."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
 
     def count(self, name: str) -> None:
         """Count what happened.
@@ -137,8 +103,6 @@ class UdpLink:
         ------
         OSError
             The network refuses to send.
-        RuntimeError
-            There is no socket.
         """
         return self._send(kind, step, acceleration, motion)[0]
 
@@ -164,35 +128,25 @@ class UdpLink:
             No answer within `table.give_up_after`.
         """
         sequence, data = self._send(kind, step, acceleration, motion)
-        give_up = time.perf_counter() + self._config.give_up_after
-        while (answer := self._receive(sequence, time.perf_counter() + self._config.resend_after)) is None:
-            if time.perf_counter() > give_up:
+        now = self._transport.now
+        give_up = now() + self._config.give_up_after
+        while (answer := self._receive(sequence, now() + self._config.resend_after)) is None:
+            if now() > give_up:
                 raise RuntimeError(
                     f"no answer from {self.where} within {self._config.give_up_after:g} s: "
                     "it is not there, or another host is using it"
                 )
-            self._connected().sendto(data, self._peer)
+            self._transport.send(data)
             self._counts["resent"] += 1
         return answer
 
-    def readable(self, deadline: float = 0.0) -> bool:
-        """Wait for a datagram.
-
-        Parameters
-        ----------
-        deadline : float
-            Until when, by ``time.perf_counter`` [s]; by default look only.
-        """
-        wait = max(0.0, deadline - time.perf_counter())
-        return bool(select.select([self._connected()], [], [], wait)[0])
-
     def read(self) -> ControllerPacket | None:
-        """Read one datagram; None when it is not an answer to this host."""
-        try:
-            data, sender = self._connected().recvfrom(LONGEST_DATAGRAM)
-        except OSError:  # what the network says about packets sent before
-            return None
-        return self._accepted(data, sender)
+        """Return the next answer to this host that has arrived, without waiting; count what else has."""
+        while (datagram := self._transport.receive()) is not None:
+            packet = self._accepted(datagram)
+            if packet is not None:
+                return packet
+        return None
 
     def expect(self, sequence: int, counted_as: str) -> None:
         """Say how the answer to a packet is counted when it comes and nobody waits for it.
@@ -235,28 +189,29 @@ class UdpLink:
         time_ns = step * self._time_step_ns if kind is Kind.COMMAND else 0
         packet = HostPacket(kind, sequence, step, time_ns, acceleration, *motion, self._session)
         data = encode_host_packet(packet)
-        self._connected().sendto(data, self._peer)
+        self._transport.send(data)
         self._counts["sent"] += 1
         return sequence, data
 
     def _receive(self, sequence: int, deadline: float) -> ControllerPacket | None:
         """Return the answer to a packet, or None after the deadline; count what else arrives."""
-        while self.readable(deadline):
+        while True:
             packet = self.read()
             if packet is not None and packet.sequence == sequence:
                 self._counts["answered"] += 1
                 return packet
             if packet is not None:
                 self.count_unasked(packet.sequence)
-            if time.perf_counter() > deadline:
-                break
-        return None
+            elif not self._transport.wait(deadline):
+                return None
+            if self._transport.now() > deadline:
+                return None
 
-    def _accepted(self, data: bytes, sender: tuple[str, int]) -> ControllerPacket | None:
-        if sender != self._peer:
+    def _accepted(self, datagram: Datagram) -> ControllerPacket | None:
+        if not datagram.from_controller:
             self._counts["wrong_address"] += 1
             return None
-        packet = decode_controller_packet(data, self._floors)
+        packet = decode_controller_packet(datagram.data, self._floors)
         if isinstance(packet, Rejection):
             self._counts[packet.name.lower()] += 1
             return None
@@ -264,8 +219,3 @@ class UdpLink:
             self._counts["wrong_session"] += 1
             return None
         return packet
-
-    def _connected(self) -> socket.socket:
-        if self._socket is None:
-            raise RuntimeError("not connected")
-        return self._socket

@@ -1,0 +1,385 @@
+"""The conductor as a state machine: start gate, ticks, deadlines, end. It is told the time.
+
+This is the one place where a step begins. In-process loop, ROS node and fault rig host it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.loop.deadlines import DeadlineMonitor
+from bmd_rths_core.loop.states import NodeState, Outcome
+from bmd_rths_core.safety import Action, StabilityIndicator, Trip
+
+#: In lockstep, a step that has not closed after this time ends the test [s].
+LOCKSTEP_TIMEOUT = 5.0
+
+#: In lockstep, the longest wait for a recorder that is far behind [s]: longer than it may be silent, and then get again
+#: what was lost meanwhile, which Fast DDS repeats after 3 s.
+RECORDING_TIMEOUT = 15.0
+
+#: In lockstep the loop waits when it is so many steps ahead of the recorder: fewer than a publisher keeps.
+LONGEST_LEAD = 400
+
+#: Time between the moment all nodes are ready and step 0 [s].
+START_DELAY = 0.05
+
+#: A peer that tells nothing for this long is lost [s]; every node tells its status once a second.
+LONGEST_SILENCE = 5.0
+
+#: Time between two looks for lost peers [s].
+LOOK_PERIOD = 1.0
+
+
+class Response(Protocol):
+    """What the numerical substructure answers to a step."""
+
+    @property
+    def desired_acceleration(self) -> float:
+        """Absolute interface acceleration [m/s²]."""
+
+    @property
+    def required_force(self) -> float:
+        """Required interface force [N]."""
+
+
+class NumericalStage(Protocol):
+    """The numerical substructure as the conductor drives it."""
+
+    @property
+    def displacements(self) -> NDArray[np.float64]:
+        """Floor displacements relative to the ground, shape (n,) [m]."""
+
+    def reset(self) -> None:
+        """Return to rest before step 0."""
+
+    def step(self, ground_acceleration: float, feedback_force: float) -> Response:
+        """Advance to the next step, with the shear fed back [N] and the ground acceleration of this step [m/s²]."""
+
+
+class Peer(NamedTuple):
+    """What another node of the loop says of itself.
+
+    Parameters
+    ----------
+    role : str
+        Its role.
+    state : NodeState
+        What it does.
+    reason : str
+        Why, in one line.
+    outcome : Outcome or None
+        What it makes of the test when it has tripped.
+    recorded_steps : int
+        Steps that are recorded whole, of a recorder.
+    """
+
+    role: str
+    state: NodeState
+    reason: str = ""
+    outcome: Outcome | None = None
+    recorded_steps: int = 0
+
+
+class Begun(NamedTuple):
+    """A step that begins.
+
+    Parameters
+    ----------
+    step : int
+        Step index k.
+    ground_acceleration, desired_acceleration : float
+        [m/s²].
+    required_force : float
+        [N].
+    """
+
+    step: int
+    ground_acceleration: float
+    desired_acceleration: float
+    required_force: float
+
+
+class Conductor:
+    """Begin every step of a test when it is due, with the shear that is there, and end the test.
+
+    Parameters
+    ----------
+    ground : sequence of float, length N
+        Ground acceleration of every step [m/s²].
+    numerical : NumericalStage
+        The numerical substructure.
+    indicator : StabilityIndicator or None
+        Watches it.
+    time_step : float
+        Δt [s].
+    lockstep : bool
+        A step begins when the one before has closed; otherwise at its time, by the clock.
+    most_misses : int
+        Steps in a row that may miss their deadline.
+    on_step : callable
+        Gets every `Begun`.
+    peers : collection of str
+        Roles that have to be ready before step 0.
+    recorder : str
+        Role among them that records; the loop does not run away from it in lockstep. Empty when nobody records.
+
+    Attributes
+    ----------
+    state : NodeState
+        WAITING, RUNNING or ENDED.
+    outcome : Outcome or None
+        How the test ended; None while it has not.
+    reason : str
+        Why, in one line.
+    trips : list of Trip
+        Of the stability indicator.
+    action : Action
+        What the end asks of the table.
+    step : int
+        Steps begun so far.
+    deadlines : DeadlineMonitor
+        What missed its deadline.
+
+    Notes
+    -----
+    All times are of one monotonic clock [s]. Steps are never run in a burst: a tick that is more than Δt late moves the
+    schedule, so that each command is held for a full step.
+    """
+
+    def __init__(
+        self,
+        ground: Sequence[float],
+        numerical: NumericalStage,
+        indicator: StabilityIndicator | None,
+        time_step: float,
+        lockstep: bool,
+        most_misses: int,
+        on_step: Callable[[Begun], None],
+        peers: Collection[str] = (),
+        recorder: str = "",
+    ) -> None:
+        self._ground = ground
+        self._numerical = numerical
+        self._indicator = indicator
+        self._time_step = time_step
+        self._lockstep = lockstep
+        self._most_misses = most_misses
+        self._on_step = on_step
+        self._peers = frozenset(peers)
+        self._recorder = recorder
+        self._heard: dict[str, float] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last test and wait for the peers."""
+        self._numerical.reset()
+        if self._indicator is not None:
+            self._indicator.reset()
+        self.deadlines = DeadlineMonitor(len(self._ground), self._most_misses * self._time_step)
+        self.state = NodeState.WAITING
+        self.outcome: Outcome | None = None
+        self.reason = ""
+        self.trips: list[Trip] = []
+        self.action = Action.RAMP
+        self.step = 0
+        self._ready_peers: set[str] = set()
+        self._feedback = 0.0
+        self._due = self._look_due = math.inf
+        self._recorded_steps = 0
+        self._closed = self._waits_for_recorder = False
+
+    @property
+    def steps(self) -> int:
+        """Steps of the whole ground motion."""
+        return len(self._ground)
+
+    @property
+    def waiting_for(self) -> list[str]:
+        """Peers that are not ready, before step 0."""
+        return sorted(self._peers - self._ready_peers) if self.step == 0 else []
+
+    # ---- what the host tells
+
+    def poll(self, now: float, ready: bool = True) -> float:
+        """Begin the next step when it is due.
+
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        ready : bool
+            The host itself is ready for step 0.
+
+        Returns
+        -------
+        float
+            When to call again at the latest.
+        """
+        if self.state is NodeState.WAITING:
+            self._look_at_the_gate(now, ready)
+        elif self.state is NodeState.RUNNING:
+            if now >= self._look_due:
+                self._look_for_lost_peers(now)
+            if now >= self._due:
+                self._on_due(now)
+        return min(self._due, self._look_due)
+
+    def hear(self, peer: Peer, now: float) -> None:
+        """Take note of what a peer says of itself.
+
+        Parameters
+        ----------
+        peer : Peer
+            The peer.
+        now : float
+            Time [s].
+        """
+        self._heard[peer.role] = now
+        if peer.state is NodeState.READY:
+            self._ready_peers.add(peer.role)
+        else:
+            self._ready_peers.discard(peer.role)
+        if peer.state is NodeState.TRIPPED and self._is_ended_by(peer):
+            self.end(peer.outcome or Outcome.FAILED, f"{peer.role}: {peer.reason}", now)
+        if peer.role == self._recorder:
+            self._recorded_steps = peer.recorded_steps
+            if self._waits_for_recorder and self.state is NodeState.RUNNING:
+                self._begin_when_recorded(now)
+
+    def shear(self, step: int, force: float, now: float) -> None:
+        """Take the corrected shear of a step; the next one begins with it.
+
+        Parameters
+        ----------
+        step : int
+            Step index.
+        force : float
+            Shear to feed back [N].
+        now : float
+            Time [s].
+        """
+        if self.state is not NodeState.RUNNING:
+            return
+        # A shear that comes too late is a missed deadline, but still newer than the one that is held.
+        self._feedback = force
+        if self.deadlines.closed(step, now) and self._lockstep:
+            self._closed = True
+            self._due = now
+
+    def end(self, outcome: Outcome, reason: str, now: float) -> None:
+        """End the test.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            How.
+        reason : str
+            Why, in one line.
+        now : float
+            Time [s].
+        """
+        if self.state is NodeState.ENDED:
+            return
+        self.deadlines.expired(now)
+        self._due = self._look_due = math.inf
+        self.outcome, self.reason = outcome, reason
+        self.state = NodeState.ENDED
+
+    # ---- start gate and peers
+
+    def _look_at_the_gate(self, now: float, ready: bool) -> None:
+        if not (ready and self._peers <= self._ready_peers):
+            self._due = math.inf
+        elif self._due == math.inf:
+            self._due = now + START_DELAY
+        elif now >= self._due:
+            self.state = NodeState.RUNNING
+            self._due = now
+            self._look_due = now + LOOK_PERIOD if self._peers else math.inf
+            self._begin(now)
+
+    def _is_ended_by(self, peer: Peer) -> bool:
+        """Tell whether a peer that has tripped ends the test; before step 0 an operator's stop can be reset."""
+        return self.state is NodeState.RUNNING or (
+            self.state is NodeState.WAITING and peer.role in self._peers and peer.outcome is Outcome.FAILED
+        )
+
+    def _look_for_lost_peers(self, now: float) -> None:
+        """End the test when a peer is lost whose messages the loop does not miss: the recorder."""
+        self._look_due = now + LOOK_PERIOD
+        silent = sorted(peer for peer in self._peers if now - self._heard[peer] > LONGEST_SILENCE)
+        if silent:
+            self.end(Outcome.FAILED, f"nothing was heard of {', '.join(silent)} for {LONGEST_SILENCE:g} s", now)
+
+    # ---- steps
+
+    def _on_due(self, now: float) -> None:
+        if not self._lockstep:
+            self._tick(now)
+        elif self._closed and not self._waits_for_recorder:
+            self._begin_when_recorded(now)
+        else:
+            late = f"was not recorded within {RECORDING_TIMEOUT:g} s"
+            stuck = f"did not close within {LOCKSTEP_TIMEOUT:g} s"
+            self.end(Outcome.FAILED, f"step {self.step - 1} {late if self._waits_for_recorder else stuck}", now)
+
+    def _tick(self, now: float) -> None:
+        if self.step == self.steps:
+            self._begin(now)
+            return
+        self.deadlines.expired(now)
+        if self.deadlines.exhausted(now, self._due + self._time_step):
+            longest = self._most_misses * self._time_step
+            reason = f"deadlines in a row were missed for more than {longest:g} s, the last at step {self.step - 1}"
+            self.end(Outcome.FAILED, reason, now)
+        else:
+            self._begin(now)
+
+    def _begin(self, now: float) -> None:
+        step = self.step
+        if step == self.steps:
+            self.end(Outcome.FINISHED, "end of the ground motion", now)
+            return
+        ground_acceleration = self._ground[step]
+        response = self._numerical.step(ground_acceleration, self._feedback)
+        if self._indicator is not None:
+            trip = self._indicator.step(step, self._feedback, self._numerical.displacements)
+            if trip is not None:
+                self.trips.append(trip)
+                if trip.action > Action.INDICATE:
+                    self.action = trip.action
+                    self.end(Outcome.LIMIT, str(trip), now)
+                    return
+        self.step = step + 1
+        self._schedule(step, now)
+        self._on_step(Begun(step, ground_acceleration, response.desired_acceleration, response.required_force))
+
+    def _schedule(self, step: int, now: float) -> None:
+        """Set when the next step is due, and with it the deadline of this one."""
+        if self._lockstep:
+            self.deadlines.opened(step, now, math.inf)
+            self._due = now + LOCKSTEP_TIMEOUT
+            return
+        deadline = self._due + self._time_step
+        self.deadlines.opened(step, now, deadline)
+        late = now - self._due > self._time_step
+        if late:
+            self.deadlines.late_ticks += 1
+        self._due = now + self._time_step if late else deadline
+
+    def _begin_when_recorded(self, now: float) -> None:
+        """Begin the next step of lockstep unless the recorder is far behind: it would lose what nobody keeps."""
+        waited = self._waits_for_recorder
+        lead = self.step - self._recorded_steps
+        self._waits_for_recorder = bool(self._recorder) and lead > LONGEST_LEAD
+        if not self._waits_for_recorder:
+            self._closed = False
+            self._begin(now)
+        elif not waited:
+            self._due = now + RECORDING_TIMEOUT
