@@ -65,7 +65,7 @@ def skip(steps):
 
 
 def be_silent(steps):
-    return lambda observed: observed.silence(steps)
+    return lambda observed: observed.goes_on_without(steps * DT)
 
 
 def hear_nothing(steps):
@@ -390,8 +390,8 @@ def test_commands_held_by_the_table_are_part_of_the_motion():
     observed = supervisor(stale_shear_limit=5)
     for step in range(10):
         assert observed.check(step, 0.5)
-    observed.silence(10)
-    way = way_to_rest(observed)
+    assert not observed.goes_on_without(10 * DT)
+    way = [observed.advance(10 * DT), *way_to_rest(observed)]
     assert way[0].step == 20
     accelerations = np.array([0.5] * 20 + [command.acceleration for command in way])
     velocity = DT * np.cumsum(accelerations)

@@ -184,7 +184,7 @@ class SafetySupervisor:
         """
         if not self.passing:
             return False
-        step, held = self._last_step + 1, self._motion.acceleration
+        step, held = self._last_step + 1 + self._whole_steps(late), self._motion.acceleration
         trips = [trip for trip in (self._stale_shear(step, late),) if trip is not None]
         if late > self._time_step:
             ahead = self._motion.after(held, late + self._time_step)
@@ -268,7 +268,7 @@ class SafetySupervisor:
             For one step each; zero acceleration without end when a hold has come to rest, None when the table gets no
             further command: at the end of a ramp and after an emergency stop.
         """
-        self._last_step += max(0, math.floor(late / self._time_step + 1e-9))
+        self._last_step += self._whole_steps(late)
         self._hold(late)
         if not self._motion.plausible:  # a ramp would have no end
             self._begin(Action.EMERGENCY_STOP)
@@ -288,6 +288,9 @@ class SafetySupervisor:
             return self._send(0.0)
         self.state = State.STOPPED
         return None
+
+    def _whole_steps(self, late: float) -> int:
+        return max(0, math.floor(late / self._time_step + 1e-9))
 
     def _strayed(self) -> bool:
         """Tell whether commands were held for so much longer or shorter that the plan does not lead to rest."""
@@ -365,7 +368,7 @@ class SafetySupervisor:
         return trips
 
     def _stale_shear(self, step: int, silent: float) -> Trip | None:
-        steps = math.floor(silent / self._time_step + 1e-9)
+        steps = self._whole_steps(silent)
         if steps <= self._config.stale_shear_limit or self._actions["stale_shear"] is Action.IGNORE:
             return None
         return self._trip("stale_shear", "steps", "steps without a command", steps, step)
