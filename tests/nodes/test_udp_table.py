@@ -26,7 +26,7 @@ from bmd_rths_core.table.wire import (
     decode_host_packet,
     encode_controller_packet,
 )
-from bmd_rths_nodes.hardware.udp_socket import udp_table as make_udp_table
+from bmd_rths_nodes.hardware.controllers import make_table_controller as make_udp_table
 from tests.nodes.conftest import wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 

@@ -78,6 +78,7 @@ class TableDriver:
         self._time_step = time_step
         self._lockstep = lockstep
         self._by_steps = lockstep or bool(getattr(table, "by_steps", False))
+        supervisor.by_the_clock = not self._by_steps
         self._polled = table if isinstance(table, AsynchronousTableController) else None
         self._on_measurement = on_measurement
         self.state = DriveState.RELEASED

@@ -11,6 +11,7 @@ from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
+from bmd_rths_core.safety.settling import Settling
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 
@@ -54,6 +55,9 @@ class SafetySupervisor:
     ----------
     state : State
         What it does.
+    by_the_clock : bool
+        Commands are held by a clock, so that the table may end elsewhere than the sum of its commands: the way to rest
+        then ends where the displacement sensor says that the table stands where it began.
     emergency : bool
         An emergency stop was asked for: the table is to be stopped by the fastest way it has.
 
@@ -66,10 +70,12 @@ class SafetySupervisor:
     """
 
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
+        self.by_the_clock = False
         self._config = config
         self._gentle = replace(config, **{name: min(getattr(config, name), most) for name, most in _GENTLE.items()})
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
+        self._settling = Settling(time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
         self._offset_share = min(1.0, time_step / OFFSET_TIME)
         self.reset()
@@ -88,6 +94,7 @@ class SafetySupervisor:
         self._planned = REST
         self._replaced = 0.0  # the acceleration that the last command has replaced
         self._corrections = 0
+        self._settling.reset()
         self._measurement_check.reset()
 
     def resume(self, step: int, motion: Motion, offset: float, tracking_mean_square: float) -> None:
@@ -225,6 +232,7 @@ class SafetySupervisor:
                 acceleration=applied,
             )
         if math.isfinite(measurement.table_displacement):
+            self._settling.observe(measurement.step, measurement.table_displacement)
             difference = measurement.table_displacement - self._motion.displacement
             self._offset += self._offset_share * (difference - self._offset)
         self.record(self._measurement_check.step(measurement))
@@ -281,13 +289,31 @@ class SafetySupervisor:
             self._plan, self._planned = self._way_to_rest(self._gentle), self._motion
             self._corrections += 1
         if self._plan:
-            command = self._plan.pop()
-            self._planned = self._planned.after(command, self._time_step)
-            return self._send(command)
-        if self.state is State.HOLDING:
+            return self._next_of_plan(self._plan)
+        if self.state is State.HOLDING or self._watches():
             return self._send(0.0)
+        if self._plan:
+            return self._next_of_plan(self._plan)
         self.state = State.STOPPED
         return None
+
+    def _watches(self) -> bool:
+        """Tell whether the table is still watched at the end of its way; plan a further one when it is not at rest."""
+        if self.state is not State.RAMPING or not self.by_the_clock:
+            return False
+        if self._settling.watches(self._last_step + 1):
+            return True
+        found = self._settling.found() if self._corrections < MOST_CORRECTIONS else None
+        if found is not None and abs(found.displacement) <= self._config.displacement_limit:
+            self._motion = self._planned = found
+            self._plan = self._way_to_rest(self._gentle)
+            self._corrections += 1
+        return False
+
+    def _next_of_plan(self, plan: list[float]) -> TableCommand:
+        command = plan.pop()
+        self._planned = self._planned.after(command, self._time_step)
+        return self._send(command)
 
     def _whole_steps(self, late: float) -> int:
         return max(0, math.floor(late / self._time_step + 1e-9))

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.displacement_command import DisplacementCommand, TableMotion
 from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
@@ -312,18 +311,8 @@ def make_udp_table(config: Config, transport: Transport, session: int) -> UdpTab
         Datagrams and clock of the host.
     session : int
         Number of the session, 32 bits, that no other host has.
-
-    Raises
-    ------
-    InputError
-        The answer time-out is not shorter than the time step.
     """
     run, table = config.run, config.table
-    if not run.lockstep and table.answer_timeout >= run.time_step:
-        raise InputError(
-            f"table.answer_timeout: {table.answer_timeout:g} s is not allowed; "
-            f"less than run.time_step, {run.time_step:g} s, is required"
-        )
     motion = DisplacementCommand(config.safety, run.time_step) if table.send_displacement else None
     floors = len(config.specimen.masses)
     return UdpTable(table, floors, run.time_step_ns, run.lockstep, transport, session, motion)

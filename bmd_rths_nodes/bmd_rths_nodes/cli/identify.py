@@ -30,7 +30,7 @@ from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar
 from bmd_rths_nodes.hardware.clock import MonotonicClock
-from bmd_rths_nodes.hardware.controllers import make_table_controller
+from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
 
 #: Largest command without --amplitude [m/s²]. A sweep dwells at each resonance of the specimen, so it has less.
 _AMPLITUDES = {"noise": 2.0, "sweep": 0.4}
@@ -124,7 +124,11 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     commands = excitation_command(excited, config.run.time_step)
     # A ramp does not hurt the specimen, and a controller whose answers are lost may hear the commands all the same.
     supervisor = make_supervisor(config.changed(safety__stale_controller_action=Action.RAMP.name.lower()))
-    table = make_table_controller(config)
+    # Late answers are data as good as any: no loop waits for them.
+    patience = config.run.time_step * config.safety.stale_controller_limit
+    table = make_patient_table_controller(
+        config.changed(table__answer_timeout=max(patience, config.table.answer_timeout))
+    )
     with collected_interrupts() as interrupts:
         if _by_steps(config):
             columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))

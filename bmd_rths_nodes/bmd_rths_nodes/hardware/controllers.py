@@ -37,6 +37,28 @@ def make_table_controller(config: Config) -> TableController:
     InputError
         There is no controller of that name, it cannot be loaded, or it refuses the configuration.
     """
+    run, table = config.run, config.table
+    if table.controller == "udp" and not run.lockstep and table.answer_timeout >= run.time_step:
+        raise InputError(
+            f"table.answer_timeout: {table.answer_timeout:g} s is not allowed; "
+            f"less than run.time_step, {run.time_step:g} s, is required"
+        )
+    return make_patient_table_controller(config)
+
+
+def make_patient_table_controller(config: Config) -> TableController:
+    """Return the same for a use that closes no loop: its answers may take longer than a time step.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        As for `make_table_controller`.
+    """
     name = config.table.controller
     maker = _OWN.get(name) or _load(name)
     return maker(config)

@@ -96,10 +96,5 @@ def udp_table(config: Config) -> UdpTable:
     ----------
     config : Config
         The whole configuration.
-
-    Raises
-    ------
-    InputError
-        The answer time-out is not shorter than the time step.
     """
     return make_udp_table(config, UdpSocket(config.table), secrets.randbits(32))

@@ -76,13 +76,13 @@ class NumericalSubstructureNode(StageNode):
         """End the test."""
         if self.state is NodeState.RUNNING:
             self._conductor.end(Outcome.FAILED, problem, time.perf_counter())
-            self._tell()
+            self._tell_changes()
 
     def stop_stage(self) -> None:
         """End a test that is under way."""
         if self.configured and self.state is NodeState.RUNNING:
             self._conductor.end(Outcome.STOPPED, "stopped by the operator", time.perf_counter())
-            self._tell()
+            self._tell_changes()
 
     def status_values(self) -> dict[str, str]:
         """Tell progress, deadlines, and at the end the outcome."""
@@ -104,18 +104,22 @@ class NumericalSubstructureNode(StageNode):
         }
         if conductor.trips:
             values["trip"] = str(conductor.trips[-1])
-        if conductor.outcome is Outcome.LIMIT and conductor.trips:
-            values["action"] = conductor.action.name.lower()
+        values |= self.urgent_values()
         if conductor.outcome is not None:
             values["missed_steps"] = json.dumps(timing.missed_steps)
         return values
+
+    def urgent_values(self) -> dict[str, str]:
+        """Tell what the end asks of the table."""
+        ended_by_limit = self.configured and self._conductor.outcome is Outcome.LIMIT
+        return {"action": self._conductor.action.name.lower()} if ended_by_limit else {}
 
     def poll(self, now: float) -> float:
         """Let the conductor do what is due, and tell what has come of it."""
         if not self.configured or self.state is NodeState.INACTIVE:
             return super().poll(now)
         due = self._conductor.poll(now, ready=self.state is NodeState.READY)
-        self._tell()
+        self._tell_changes()
         return min(super().poll(now), due)
 
     def _on_step(self, begun: Begun) -> None:
@@ -140,9 +144,9 @@ class NumericalSubstructureNode(StageNode):
             time.perf_counter(),
         )
         if self.state is not NodeState.INACTIVE:
-            self._tell()
+            self._tell_changes()
 
-    def _tell(self) -> None:
+    def _tell_changes(self) -> None:
         """Tell what has changed since the last time."""
         conductor = self._conductor
         misses = conductor.deadlines.missed_deadlines

@@ -62,7 +62,7 @@ class TableDriverNode(StageNode):
             if self.state not in (NodeState.WAITING, NodeState.READY):
                 raise InputError(reason) from error
             self._driver.stop(Action.EMERGENCY_STOP, Outcome.FAILED, reason, time.perf_counter())
-            self._tell()
+            self._tell_changes()
 
     def _forget_the_last_test(self) -> None:
         self._told: tuple[DriveState, str] = (DriveState.ARMED, "")
@@ -83,7 +83,7 @@ class TableDriverNode(StageNode):
             due = driver.poll(time.perf_counter())
             time.sleep(min(max(0.0, due - time.perf_counter()), self.config.run.time_step))
         driver.release()
-        self._tell()
+        self._tell_changes()
 
     def status_values(self) -> dict[str, str]:
         """Tell the controller, what the table does, every trip, and how a trip is to be counted."""
@@ -94,11 +94,15 @@ class TableDriverNode(StageNode):
                 "table": "moving" if driver.moving and not driver.supervisor.at_rest else "at rest",
                 "supervisor": driver.supervisor.state.value,
                 "trips": " | ".join(str(trip) for trip in driver.supervisor.trips),
-                "outcome": str(driver.outcome or ""),
+                **self.urgent_values(),
                 **self._motion_and_limits(),
                 **self._table.statistics(),
             }
         return values
+
+    def urgent_values(self) -> dict[str, str]:
+        """Tell how the driver ended the test."""
+        return {"outcome": str(self._driver.outcome or "")} if self.configured else {}
 
     def _motion_and_limits(self) -> dict[str, str]:
         """Return what the table does, what it did at most in this test, and what it may do."""
@@ -116,7 +120,7 @@ class TableDriverNode(StageNode):
         if not self.configured:
             return super().poll(now)
         due = self._driver.poll(now)
-        self._tell()
+        self._tell_changes()
         return min(super().poll(now), due)
 
     @property
@@ -127,7 +131,7 @@ class TableDriverNode(StageNode):
     def on_disturbance(self, problem: str) -> None:
         """Bring the table to rest."""
         self._driver.stop(Action.RAMP, Outcome.FAILED, problem, time.perf_counter())
-        self._tell()
+        self._tell_changes()
 
     # ---- the operator
 
@@ -142,7 +146,7 @@ class TableDriverNode(StageNode):
         if self.state not in (NodeState.TRIPPED, NodeState.ENDED):
             moves = driver.moving
             driver.stop(Action.RAMP, Outcome.STOPPED, "stopped by the operator", now)
-            self._tell()
+            self._tell_changes()
             if not moves:
                 return "the table is at rest; no test begins before a reset"
             return f"the table is brought to rest, {self._since()}"
@@ -156,7 +160,7 @@ class TableDriverNode(StageNode):
         self._refuse_when_inactive()
         reason = "emergency stop by the operator"
         self._driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, reason, time.perf_counter())
-        self._tell()
+        self._tell_changes()
         return f"emergency stop: the table controller was told to stop at once, {self._since()}"
 
     def _on_reset(self) -> str:
@@ -199,12 +203,12 @@ class TableDriverNode(StageNode):
         if ended and self._driver.state is DriveState.FOLLOWING:
             self._test_ended = True
             self._driver.finish(_ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP), now)
-            self._tell()
+            self._tell_changes()
 
     def _on_command(self, step: int, command: float) -> None:
         self._driver.command(step, command, time.perf_counter())
         if self._driver.state is not DriveState.FOLLOWING:
-            self._tell()
+            self._tell_changes()
 
     def _on_measurement(self, measurement: TableMeasurement) -> None:
         self._send_measurement(measurement.step, measurement)
@@ -212,7 +216,7 @@ class TableDriverNode(StageNode):
         motion = zip(self._peaks, _motion(measurement), strict=True)
         self._peaks = tuple(max(peak, abs(value)) for peak, value in motion)
 
-    def _tell(self) -> None:
+    def _tell_changes(self) -> None:
         """Tell what has changed since the last time."""
         driver = self._driver
         if self.state is NodeState.INACTIVE:

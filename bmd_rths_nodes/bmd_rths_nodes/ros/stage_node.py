@@ -109,6 +109,10 @@ class StageNode(LifecycleNode, ABC):
         """Return what this node tells besides its state."""
         return {}
 
+    def urgent_values(self) -> dict[str, str]:
+        """Return what the nodes of this process have to know of a change of state at once; everything else follows."""
+        return {}
+
     def operator_services(self) -> Mapping[str, Callable[[], str]]:
         """Return what an operator can ask this node for at any time, by name, as `triggers.offer` takes it."""
         return {}
@@ -207,8 +211,9 @@ class StageNode(LifecycleNode, ABC):
         return subscription
 
     def set_state(self, state: NodeState, note: str = "", level: bytes = status.OK) -> None:
-        """Change the state and tell it at once."""
+        """Change the state and tell it at once, to the nodes of this process first: a table may wait for it."""
         self.state, self.note, self.level = state, note, level
+        self._intra_process.tell_status(self.ROLE, self._status(self.urgent_values()))
         self.publish_status()
 
     def log_later(self, text: str, severity: str = "info") -> None:
@@ -269,16 +274,20 @@ class StageNode(LifecycleNode, ABC):
         prepares = self.steps == 0 and self.state in (NodeState.WAITING, NodeState.READY)
         self._status_told = time.perf_counter()
         self._status_due = self._status_told + (PREPARATION_PERIOD if prepares else STATUS_PERIOD)
+        own = self._status(
+            {
+                **self.status_values(),
+                "lost": str(self.lost),
+                "out_of_order": str(self.out_of_order),
+                "malformed": str(self.malformed),
+            }
+        )
         seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
-        values = {
-            **self.status_values(),
-            "lost": str(self.lost),
-            "out_of_order": str(self.out_of_order),
-            "malformed": str(self.malformed),
-        }
-        own = NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
-        self._intra_process.tell_status(self.ROLE, own)
         self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
+        self._intra_process.tell_status(self.ROLE, own)
+
+    def _status(self, values: Mapping[str, str]) -> NodeStatus:
+        return NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
 
     def make_safe(self, ending: Ending) -> None:
         """Leave everything safe, because the process ends.

@@ -90,7 +90,8 @@ def run_on_ros(
         parameter_file.write_text(dump_config(config), encoding="utf-8")
         supervisor = Supervisor(modules, parameter_file, Path(scratch))
         operator = OperatorStop(monitor, supervisor, interrupts, log, config.table.halt_time)
-        time_to_rest = longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
+        # Twice: what the clock has added up to may have to be taken back by a second way.
+        time_to_rest = 2.0 * longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
         try:
             follower = RunFollower(monitor, supervisor, operator, time_to_rest)
             while (bag := follower.look()) is None:
