@@ -81,7 +81,7 @@ class RthsLoop:
             self.stability_indicator,
             time_step,
             lockstep,
-            config.run.max_consecutive_misses,
+            config.run.tolerated_misses,
             self._on_step,
         )
 

@@ -69,35 +69,37 @@ class SafetyConfig:
     )
     tracking_action: str = _action(Action.RAMP, "tracking_limit")
     tracking_time: float = _limit(0.5, "Time constant of the mean square of the tracking error", "s", "assumed")
-    stale_shear_limit: int = parameter(
-        20,
-        description="Most steps in a row without a command; the last one is held meanwhile",
-        unit="steps",
-        source="assumed: as run.max_consecutive_misses",
-        lower=0,
-        upper=100000,
+    stale_shear_time: float = parameter(
+        0.1,
+        description="Longest time without a command, in whole steps; the last one is held meanwhile",
+        unit="s",
+        source="assumed: as run.longest_miss_time",
+        lower=0.0,
+        upper=600.0,
     )
-    stale_shear_action: str = _action(Action.RAMP, "stale_shear_limit")
-    stale_controller_limit: int = parameter(
-        10,
-        description="Most steps in a row without a new measurement from the table controller",
-        unit="steps",
-        source="assumed: 50 ms at 200 Hz",
-        lower=0,
-        upper=100000,
+    stale_shear_action: str = _action(Action.RAMP, "stale_shear_time")
+    stale_controller_time: float = parameter(
+        0.05,
+        description="Longest time without a new measurement from the table controller, in whole steps",
+        unit="s",
+        source="assumed: 10 steps at 200 Hz",
+        lower=0.0,
+        upper=600.0,
     )
     stale_controller_action: str = _action(
-        Action.EMERGENCY_STOP, "stale_controller_limit", "a ramp cannot be trusted to a controller that is silent"
+        Action.EMERGENCY_STOP, "stale_controller_time", "a ramp cannot be trusted to a controller that is silent"
     )
-    stuck_limit: int = parameter(
-        100,
-        description="Most steps in a row in which a sensor that has worked keeps its value while the table is moved",
-        unit="steps",
-        source="assumed: 0.5 s at 200 Hz",
-        lower=1,
-        upper=100000,
+    stuck_time: float = parameter(
+        0.5,
+        description="Longest time in which a sensor that has worked keeps its value while the table is moved, in whole "
+        "steps; at least one",
+        unit="s",
+        source="assumed: 100 steps at 200 Hz",
+        lower=0.0,
+        lower_open=True,
+        upper=600.0,
     )
-    stuck_action: str = _action(Action.RAMP, "stuck_limit")
+    stuck_action: str = _action(Action.RAMP, "stuck_time")
     non_finite_action: str = parameter(
         "ramp",
         description="What happens when a command is not finite, or a sensor that was; it is never passed on",
@@ -115,7 +117,8 @@ class SafetyConfig:
     )
     stability_floor: float = _limit(
         60.0,
-        "Jerk of the numerical substructure below which growth is not judged, root mean square over its floors",
+        "Jerk of the numerical substructure, root mean square over its floors by their masses, at which growth counts "
+        "half; above it more, below it less, by the ratio of the squares, but never nothing",
         "m/s3",
         "docs/decisions/0009: above sensor noise",
     )

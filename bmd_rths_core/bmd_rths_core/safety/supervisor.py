@@ -13,6 +13,7 @@ from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_core.time_steps import most_steps
 
 #: Time constant of the mean difference between measured and commanded displacement [s].
 OFFSET_TIME = 1.0
@@ -71,6 +72,8 @@ class SafetySupervisor:
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
+        self._silent_steps = most_steps(config.stale_shear_time, time_step)
+        self._unheard_steps = most_steps(config.stale_controller_time, time_step)
         self._offset_share = min(1.0, time_step / OFFSET_TIME)
         self.reset()
 
@@ -341,8 +344,8 @@ class SafetySupervisor:
         stale = self._stale_shear(step, silent)
         if stale is not None:
             trips.append(stale)
-        if unheard > config.stale_controller_limit:
-            trips.append(self._trip("stale_controller", "steps", "steps without a measurement", unheard, step))
+        if unheard > self._unheard_steps:
+            trips.append(self._time_trip("stale_controller", "time without a measurement", unheard, step))
         if not math.isfinite(command):
             trips.append(
                 Trip("safety.non_finite_action", "", "command", command, math.nan, step, self._actions["non_finite"])
@@ -369,9 +372,13 @@ class SafetySupervisor:
 
     def _stale_shear(self, step: int, silent: float) -> Trip | None:
         steps = self._whole_steps(silent)
-        if steps <= self._config.stale_shear_limit or self._actions["stale_shear"] is Action.IGNORE:
+        if steps <= self._silent_steps or self._actions["stale_shear"] is Action.IGNORE:
             return None
-        return self._trip("stale_shear", "steps", "steps without a command", steps, step)
+        return self._time_trip("stale_shear", "time without a command", steps, step)
+
+    def _time_trip(self, limit: str, quantity: str, steps: int, step: int) -> Trip:
+        allowed, time = getattr(self._config, f"{limit}_time"), steps * self._time_step
+        return Trip(f"safety.{limit}_time", "s", quantity, time, allowed, step, self._actions[limit])
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
         allowed = getattr(self._config, f"{limit}_limit")
