@@ -54,7 +54,7 @@ def test_same_parameters_give_the_recording_bit_for_bit(scheme, source):
 
 
 def test_run_that_a_limit_ended_is_replayed_up_to_its_last_measurement():
-    config, record = run(safety__acceleration_limit=1.0)
+    config, record = run(safety__acceleration_limit=1.0, safety__ramp_acceleration=1.0)
     assert record.outcome == "limit"
     done = replay(record, config)
     assert done.replayed.same_signals(record)

@@ -73,10 +73,16 @@ def hear_nothing(steps):
 
 
 CASES = {
-    "acceleration": ({"acceleration_limit": 1.0}, send(1.1), 5, "m/s2", 1.1, "command 1.1, allowed is 1"),
-    "negative acceleration": ({"acceleration_limit": 1.0}, send(-1.1), 5, "m/s2", -1.1, "command -1.1, allowed is 1"),
+    "acceleration": (
+        *({"acceleration_limit": 1.0, "ramp_acceleration": 1.0}, send(1.1), 5),
+        *("m/s2", 1.1, "command 1.1, allowed is 1"),
+    ),
+    "negative acceleration": (
+        *({"acceleration_limit": 1.0, "ramp_acceleration": 1.0}, send(-1.1), 5),
+        *("m/s2", -1.1, "command -1.1, allowed is 1"),
+    ),
     "increment": ({"increment_limit": 1.5}, send(1.0, -0.6), 6, "m/s2", -1.6, "change of the command -1.6"),
-    "displacement": ({"displacement_limit": 0.1}, sense(displacement=-0.2), 5, "m", -0.2, "displacement -0.2, allowed"),
+    "displacement": ({"displacement_limit": 0.1}, sense(displacement=-0.2), 5, "m", -0.2, "commanded, -0.2, allowed"),
     "force": ({"force_limit": 1e3}, sense(force=-2e3), 5, "N", -2e3, "actuator force -2000, allowed is 1000"),
     "tracking": ({"tracking_time": DT, "tracking_limit": 1.0}, sense(acceleration=2.0), 5, "m/s2", 2.0, "error 2,"),
     "stale_shear": ({"stale_shear_time": 0.015}, skip(4), 9, "s", 0.02, "a command 0.02, allowed is 0.015"),
@@ -238,7 +244,7 @@ def test_displacement_limit_acts_before_the_braking_distance_is_used_up():
 
 
 def test_velocity_limit_acts_on_the_predicted_velocity():
-    observed = supervisor(velocity_limit=0.1025, stale_controller_action="ignore")
+    observed = supervisor(velocity_limit=0.1025, ramp_velocity=0.1, stale_controller_action="ignore")
     steps = next(step for step in range(100) if not observed.check(step, 1.0))
     (trip,) = observed.trips
     assert trip.limit == "safety.velocity_limit"
@@ -316,7 +322,7 @@ def test_nothing_fails_without_limits_however_large_the_command():
 
 
 def test_trips_are_latched_until_reset():
-    observed = supervisor(acceleration_limit=1.0)
+    observed = supervisor(acceleration_limit=1.0, ramp_acceleration=1.0)
     rest(observed, 3)
     assert not observed.check(3, 2.0)
     first = observed.trips
@@ -421,6 +427,9 @@ def test_trip_found_elsewhere_begins_its_action():
 # ---- with the simulated table
 
 
+TIGHT = {"safety__acceleration_limit": 1.0, "safety__ramp_acceleration": 1.0}
+
+
 class TableThatStaysOn(SimulatedTable):
     """Can be asked where it stands after the test."""
 
@@ -433,7 +442,7 @@ class TableThatStaysOn(SimulatedTable):
         return self.exchange(TableCommand(step, 0.0)).table_displacement
 
 
-@pytest.mark.parametrize("changes", [{}, {"safety__acceleration_limit": 1.0}, {"safety__velocity_limit": 0.1}])
+@pytest.mark.parametrize("changes", [{}, TIGHT, {"safety__velocity_limit": 0.1, "safety__ramp_velocity": 0.1}])
 def test_simulated_table_is_at_rest_at_zero_after_every_test(changes):
     """The servo has unit gain at zero frequency: when the commands leave nothing, it does not either."""
     config = Config().changed(**changes)

@@ -54,7 +54,9 @@ def test_table_for_a_person_tells_errors_and_bag(run_main, tmp_path):
 
 
 def test_text_in_brackets_is_no_markup(run_main):
-    _, output, _ = run_main("simulate", CONFIG, "--set", "safety.acceleration_limit=1.0")
+    _, output, _ = run_main(
+        "simulate", CONFIG, "--set", "safety.acceleration_limit=1.0", "--set", "safety.ramp_acceleration=1.0"
+    )
     assert "safety.acceleration_limit [m/s2] passed" in " ".join(output.split())
 
 
@@ -72,7 +74,9 @@ def test_recordings_of_the_same_second_get_directories_of_their_own(tmp_path):
 
 
 def test_unstable_simulation_is_reported_and_has_status_1(run_main):
-    status, output, _ = run_main("simulate", CONFIG, "--set", "safety.acceleration_limit=1.0", "--json")
+    status, output, _ = run_main(
+        "simulate", CONFIG, "--set", "safety.acceleration_limit=1.0", "--set", "safety.ramp_acceleration=1.0", "--json"
+    )
     assert status == 1
     assert json.loads(output)["stable"] is False
 

@@ -103,7 +103,9 @@ def test_only_what_is_asked_for(run_main):
 
 
 def test_command_over_the_safety_limit_has_status_1(run_main):
-    status, output, errors = run_main("identify", CONFIG, *SHORT, "--set", "safety.acceleration_limit=0.5")
+    status, output, errors = run_main(
+        "identify", CONFIG, *SHORT, "--set", "safety.acceleration_limit=0.5", "--set", "safety.ramp_acceleration=0.5"
+    )
     assert (status, output) == (1, "")
     assert "safety.acceleration_limit" in errors
 

@@ -123,7 +123,9 @@ def test_stop_before_step_0_keeps_a_test_from_beginning(client, driver):
 
 
 def test_tripped_driver_is_reset_and_a_hold_is_brought_back_first(client, driver):
-    table = driver("safety.acceleration_limit:=1.0", "safety.acceleration_action:=hold")
+    table = driver(
+        "safety.acceleration_limit:=1.0", "safety.ramp_acceleration:=1.0", "safety.acceleration_action:=hold"
+    )
     table.move()
     wait_until(lambda: table.send(2, 3.0) or table.told.get("state") == "tripped")
     table.wait_for(supervisor="holding", table="at rest")

@@ -108,14 +108,23 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
 
 
 def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
-    arguments = ("--lockstep", "--set", "safety.acceleration_limit=1.0", "--output", tmp_path, "--json")
+    arguments = (
+        "--lockstep",
+        "--set",
+        "safety.acceleration_limit=1.0",
+        "--set",
+        "safety.ramp_acceleration=1.0",
+        "--output",
+        tmp_path,
+        "--json",
+    )
     result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
     assert result.status == 1
     told = json.loads(result.output)
     assert told["outcome"] == "limit"
     assert told["stable"] is False
     assert told["rmse_percent"] == {"substructure": None, "control_layer": None, "superstructure": None}
-    expected = in_process(safety__acceleration_limit=1.0)
+    expected = in_process(safety__acceleration_limit=1.0, safety__ramp_acceleration=1.0)
     record = read_bag(told["bag"])
     assert record.same_signals(expected)
     assert record.reason == f"table_driver: {expected.reason}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.safety.trips import ACTION_NAMES, Action
 
@@ -33,8 +34,24 @@ class SafetyConfig:
     displacement_action: str = parameter(
         "ramp",
         description="What happens when displacement_limit is passed; hold and ramp become an emergency stop where the "
-        "table itself has passed it, because then it does not follow the commands",
+        "table itself has passed it and does not follow the commands: it stands farther out than they have led it "
+        "within the last following_time, by more than following_tolerance",
         choices=ACTION_NAMES,
+    )
+    following_time: float = parameter(
+        0.05,
+        description="Longest lag of a table that follows its commands",
+        unit="s",
+        source="assumed: twice the delay of the table in Chen et al. 2020",
+        lower=0.0,
+        upper=1.0,
+    )
+    following_tolerance: float = parameter(
+        0.005,
+        description="How much farther out than its commands a table that follows them may stand",
+        unit="m",
+        source="assumed: 1 % of the stroke of Chen et al. 2020",
+        lower=0.0,
     )
     velocity_limit: float = _limit(
         1.0,
@@ -123,7 +140,10 @@ class SafetyConfig:
         "docs/decisions/0009: above sensor noise",
     )
     ramp_acceleration: float = _limit(
-        5.0, "Largest acceleration while the table is braked and brought back", "m/s2", "assumed"
+        5.0,
+        "Largest acceleration while the table is braked and brought back, not above acceleration_limit",
+        "m/s2",
+        "assumed",
     )
     ramp_jerk: float = _limit(
         500.0,
@@ -131,7 +151,9 @@ class SafetyConfig:
         "m/s3",
         "assumed: that of the commands in stable runs at 1 m/s2",
     )
-    ramp_velocity: float = _limit(0.2, "Largest velocity while the table is brought back", "m/s", "assumed")
+    ramp_velocity: float = _limit(
+        0.2, "Largest velocity while the table is brought back, not above velocity_limit", "m/s", "assumed"
+    )
     high_pass_frequency: float = _limit(
         0.314,
         "Corner frequency of the high-pass that keeps displacement commands from drifting",
@@ -140,8 +162,15 @@ class SafetyConfig:
     )
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Check the values, and that the way to rest keeps the limits."""
         check_parameters(self)
+        for name, unit in (("velocity", "m/s"), ("acceleration", "m/s2")):
+            ramp, limit = getattr(self, f"ramp_{name}"), getattr(self, f"{name}_limit")
+            if ramp > limit and self.action(name) is not Action.IGNORE:
+                raise InputError(
+                    f"safety.ramp_{name}: {ramp:g} {unit} on the way to rest passes safety.{name}_limit; "
+                    f"<= {limit:g} {unit} is required"
+                )
 
     def action(self, limit: str) -> Action:
         """Return the action of a limit.

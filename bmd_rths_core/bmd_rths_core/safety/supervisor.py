@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import Enum
 
 from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.config import SafetyConfig
+from bmd_rths_core.safety.following import FollowingCheck
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
 from bmd_rths_core.safety.trips import Action, Trip
@@ -71,6 +72,7 @@ class SafetySupervisor:
         self._gentle = replace(config, **{name: min(getattr(config, name), most) for name, most in _GENTLE.items()})
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
+        self._following = FollowingCheck(config, time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
         self._silent_steps = most_steps(config.stale_shear_time, time_step)
         self._unheard_steps = most_steps(config.stale_controller_time, time_step)
@@ -92,8 +94,11 @@ class SafetySupervisor:
         self._replaced = 0.0  # the acceleration that the last command has replaced
         self._corrections = 0
         self._measurement_check.reset()
+        self._following.reset()
 
-    def resume(self, step: int, motion: Motion, offset: float, tracking_mean_square: float) -> None:
+    def resume(
+        self, step: int, motion: Motion, offset: float, tracking_mean_square: float, past: Sequence[float]
+    ) -> None:
         """Take up a test in the middle, none of whose limits was passed and none of whose sensors was lost.
 
         Parameters
@@ -106,8 +111,11 @@ class SafetySupervisor:
             Slow difference of the measured displacement to it [m].
         tracking_mean_square : float
             Mean square of the tracking error [m²/s⁴].
+        past : sequence of float
+            Displacements of the integral before the last step, the newest last [m]; as many as `following_time` has.
         """
         self.reset()
+        self._following.reset(past)
         self._motion, self._offset = motion, offset
         self._last_step = self._last_measured = step - 1
         self._measurement_check.resume(tracking_mean_square)
@@ -230,7 +238,7 @@ class SafetySupervisor:
         if math.isfinite(measurement.table_displacement):
             difference = measurement.table_displacement - self._motion.displacement
             self._offset += self._offset_share * (difference - self._offset)
-        self.record(self._measurement_check.step(measurement))
+        self.record(self._measurement_check.step(measurement, self._explains))
 
     def record(self, trips: Iterable[Trip]) -> None:
         """Take note of passed limits and begin what they ask for; each limit counts once until `reset` for an action.
@@ -310,13 +318,18 @@ class SafetySupervisor:
     def _hold(self, late: float) -> None:
         """Follow the table while it has held the last command for longer than Δt, or for a shorter time."""
         if late:
+            self._following.note(self._motion, self._whole_steps(late))
             self._motion = self._motion.after(self._motion.acceleration, late)
 
     def _send(self, command: float) -> TableCommand:
         self._last_step += 1
+        self._following.note(self._motion)
         self._replaced = self._motion.acceleration
         self._motion = self._motion.after(command, self._time_step)
         return TableCommand(self._last_step, command)
+
+    def _explains(self, displacement: float) -> bool:
+        return self._following.explains(self._motion.displacement, displacement)
 
     def _begin(self, action: Action) -> None:
         """Do what a limit asks for, unless something as severe is under way."""
