@@ -105,7 +105,7 @@ def test_newer_commands_reach_the_table_while_an_answer_is_missing(driver):
 
 def test_controller_that_falls_silent_trips_the_driver(driver):
     table = driver(
-        lambda packet: [answer_to(packet)] if packet.step < 2 else [], **{"safety.stale_controller_time": "0.015"}
+        lambda packet: [answer_to(packet)] if packet.step < 2 else [], **{"safety.stale_controller_time": "0.3"}
     )
     wait_until(lambda: table.send() and table.tripped)
     assert "safety.stale_controller_time [s] passed at step" in table.told["message"]
