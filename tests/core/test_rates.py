@@ -38,7 +38,7 @@ def silent_until_trip(config, what):
     for silent in range(1, 1000):
         supervisor = running(config, 10)
         if what == "silence":
-            supervisor.silence(silent)
+            supervisor.goes_on_without(silent * config.run.time_step)
         elif what == "gap":
             supervisor.check(10 + silent, 0.0)
         else:
@@ -72,7 +72,7 @@ def test_pause_that_a_loop_at_200_hz_survives_ends_none(rate):
     """A stall of 80 ms is 16 steps at 200 Hz and 80 at 1000 Hz."""
     supervisor = running(at(rate), 10)
     stall = round(0.08 * rate)
-    supervisor.silence(stall)
+    assert supervisor.goes_on_without(stall / rate)
     assert supervisor.check(10 + stall, 0.0)
     supervisor.observe(heard(10 + stall))
     assert supervisor.trips == ()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import Enum
+from functools import partial
 
 from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.config import SafetyConfig
@@ -238,7 +239,9 @@ class SafetySupervisor:
         if math.isfinite(measurement.table_displacement):
             difference = measurement.table_displacement - self._motion.displacement
             self._offset += self._offset_share * (difference - self._offset)
-        self.record(self._measurement_check.step(measurement, self._explains))
+        self.record(
+            self._measurement_check.step(measurement, partial(self._following.explains, self._motion.displacement))
+        )
 
     def record(self, trips: Iterable[Trip]) -> None:
         """Take note of passed limits and begin what they ask for; each limit counts once until `reset` for an action.
@@ -328,9 +331,6 @@ class SafetySupervisor:
         self._motion = self._motion.after(command, self._time_step)
         return TableCommand(self._last_step, command)
 
-    def _explains(self, displacement: float) -> bool:
-        return self._following.explains(self._motion.displacement, displacement)
-
     def _begin(self, action: Action) -> None:
         """Do what a limit asks for, unless something as severe is under way."""
         state = _STATES[action]
@@ -358,7 +358,8 @@ class SafetySupervisor:
         if stale is not None:
             trips.append(stale)
         if unheard > self._unheard_steps:
-            trips.append(self._time_trip("stale_controller", "time without a measurement", unheard, step))
+            time = unheard * self._time_step
+            trips.append(self._trip("stale_controller", "s", "time without a measurement", time, step))
         if not math.isfinite(command):
             trips.append(
                 Trip("safety.non_finite_action", "", "command", command, math.nan, step, self._actions["non_finite"])
@@ -387,15 +388,12 @@ class SafetySupervisor:
         steps = self._whole_steps(silent)
         if steps <= self._silent_steps or self._actions["stale_shear"] is Action.IGNORE:
             return None
-        return self._time_trip("stale_shear", "time without a command", steps, step)
-
-    def _time_trip(self, limit: str, quantity: str, steps: int, step: int) -> Trip:
-        allowed, time = getattr(self._config, f"{limit}_time"), steps * self._time_step
-        return Trip(f"safety.{limit}_time", "s", quantity, time, allowed, step, self._actions[limit])
+        return self._trip("stale_shear", "s", "time without a command", steps * self._time_step, step)
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
-        allowed = getattr(self._config, f"{limit}_limit")
-        return Trip(f"safety.{limit}_limit", unit, quantity, value, allowed, step, self._actions[limit])
+        key = f"{limit}_time" if unit == "s" else f"{limit}_limit"
+        allowed = getattr(self._config, key)
+        return Trip(f"safety.{key}", unit, quantity, value, allowed, step, self._actions[limit])
 
 
 _COMMAND_LIMITS = (
