@@ -81,12 +81,14 @@ def test_pause_that_a_loop_at_200_hz_survives_ends_none(rate):
 @pytest.mark.parametrize("rate", RATES)
 def test_deadlines_may_be_missed_for_the_same_time(rate):
     config = at(rate)
-    monitor = DeadlineMonitor(1000, config.run.tolerated_misses)
+    monitor = DeadlineMonitor(1000, config.run.tolerated_misses / rate)  # as the conductor makes it
     for step in range(1000):
-        monitor.opened(step, step / rate)
-        if monitor.exhausted:
+        now, deadline = step / rate, (step + 1) / rate
+        monitor.expired(now)
+        if monitor.exhausted(now, deadline):
             break
-    # The deadline of step k is the begin of step k + 1: this one is the first beyond the time.
+        monitor.opened(step, now, deadline)
+    # The first deadline is that of step 0, after one step.
     assert step / rate == pytest.approx(config.run.longest_miss_time + 1.0 / rate, rel=1e-12)
 
 
