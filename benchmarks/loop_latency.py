@@ -161,7 +161,7 @@ def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep
     """Run the ring once, the numerical substructure as its node does; the result must be that of `RthsLoop`."""
     clock, time_step, time_step_ns = time.perf_counter, config.run.time_step, config.run.time_step_ns
     stage = build.make_numerical_substructure(config)
-    deadlines = DeadlineMonitor(motion.steps, config.run.max_consecutive_misses)
+    deadlines = DeadlineMonitor(motion.steps, config.run.longest_miss_time)
     corrected = np.full(motion.steps, np.nan)
     steps, feedback = 0, 0.0
     unpack = codec_of(topics.CORRECTED_FORCE, config).unpack

@@ -39,7 +39,7 @@ DT = 0.005
 ZETA = 0.02
 FREQUENCIES = np.linspace(5.0, 150.0, 200)
 SPECIMEN = ShearBuilding((760.0, *[800.0] * 4), (2495320.0, *[4941700.0] * 4), (3330.0, *[78.0] * 4))
-SHAPER = CommandShaperConfig(2.0, 2.0, 5.0)
+SHAPER = CommandShaperConfig(2.0, 2.0, 0.025)
 #: Frequencies at which python-control sees the loop [rad/s].
 GRID = np.linspace(0.1, 1500.0, 6000)
 #: Bisection ends at this width of the mass ratio.
@@ -60,7 +60,7 @@ def rest_of_the_loop() -> np.ndarray:
     table = control.tf([1.0], [1.0])
     for row in np.reshape(EQUATION_9, (-1, 6)):
         table = table * control.tf(np.trim_zeros(row[:3], "f"), np.trim_zeros(row[3:], "f"))
-    numerator, denominator = transfer_function(SHAPER)
+    numerator, denominator = transfer_function(SHAPER, DT)
     compensator = np.polyval(numerator, np.exp(1j * GRID * DT)) / np.polyval(denominator, np.exp(1j * GRID * DT))
     response = shear(1j * GRID) / first_effective_mass(SPECIMEN) * table(1j * GRID)
     return -response * compensator * np.exp(-1j * GRID * DT)

@@ -15,6 +15,7 @@ from bmd_rths_core.compensators.schemes import SCHEME_NAMES, Scheme
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.parameters import build_section, check_parameters, parameter
+from bmd_rths_core.renamed_parameters import refuse_renamed
 from bmd_rths_core.safety import SafetyConfig
 from bmd_rths_core.stages.force_correction import ForceCorrectionConfig
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
@@ -55,13 +56,13 @@ class RunConfig:
     seed: int = parameter(
         0, description="Seed of everything random in simulated parts", unit="1", lower=0, upper=2**31 - 1
     )
-    max_consecutive_misses: int = parameter(
-        20,
-        description="Missed deadlines in a row after which the test is stopped",
-        unit="steps",
-        source="assumed: 0.1 s at 200 Hz",
-        lower=0,
-        upper=100000,
+    longest_miss_time: float = parameter(
+        0.1,
+        description="Longest time in which one deadline after the other is missed; after more the test is stopped",
+        unit="s",
+        source="assumed: 20 steps at 200 Hz",
+        lower=0.0,
+        upper=600.0,
     )
     preflight: str = parameter(
         "enforce",
@@ -129,7 +130,12 @@ class Config:
     recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)
 
     def __post_init__(self) -> None:
-        """Check what several sections have to agree on: lists of one entry a story, stability of the integration."""
+        """Check what several sections have to agree on: time steps, and the stability of the integration."""
+        if self.safety.stuck_time < self.run.time_step:
+            raise InputError(
+                f"safety.stuck_time: {self.safety.stuck_time:g} s is less than one time step; "
+                f"run.time_step, {self.run.time_step:g} s, or more is required"
+            )
         if self.nonlinear.integration != "exact":
             NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.run.time_step)
 
@@ -223,6 +229,7 @@ def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
     InputError
         A section or parameter is unknown, or a value is not allowed.
     """
+    refuse_renamed(mapping, RunConfig.time_step)
     for name, values in mapping.items():
         if name not in SECTIONS:
             raise InputError(f"{name}: unknown section; allowed here: {', '.join(SECTIONS)}")

@@ -18,6 +18,7 @@ from bmd_rths_core.config import RunConfig
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import OUTCOMES, FloatArray, RunRecord
+from bmd_rths_core.renamed_parameters import convert_renamed
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, read_object, read_timing
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
@@ -114,6 +115,7 @@ class _Contents:
         self.metadata: dict[str, dict[str, str]] = {}
         self.messages: dict[str, list[bytes]] = defaultdict(list)
         self.malformed: list[str] = []
+        self.converted: list[str] = []
         self.whole = True
         for file in files:
             self.whole &= self._read(file.read_bytes())
@@ -152,6 +154,7 @@ class _Contents:
         run = configuration.get("run")
         if not isinstance(run, dict) or "time_step" not in run:
             raise InputError("configuration: run.time_step is missing")
+        configuration, self.converted = convert_renamed(configuration, RunConfig.time_step)
         time_step_ns = build_section(RunConfig, {"time_step": run["time_step"]}).time_step_ns
         scalars = {topic.name: self._scalars(topic, time_step_ns) for topic in SCALAR_TOPICS}
         measurements, floors = self._measurements(time_step_ns)
@@ -216,6 +219,8 @@ class _Contents:
             reasons.append(f"the recording has no end; it holds {extent}")
         if self.malformed:
             reasons.append(f"{len(self.malformed)} malformed messages were left out, the first of {self.malformed[0]}")
+        if self.converted:
+            reasons.append("the configuration is of an older version: " + ", ".join(self.converted))
         return outcome, "; ".join(reasons)
 
 

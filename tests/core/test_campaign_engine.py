@@ -159,6 +159,7 @@ def test_what_is_not_linear_is_run_by_the_loop(changes):
 def test_no_limit_that_the_supervisor_sees_is_missed(scheme, frequency, peak, strictness, ramp_acceleration, ramp_jerk):
     limits = {"displacement": 0.23, "velocity": 1.0, "acceleration": 20.0, "increment": 15.0, "tracking": 5.0}
     changes = {f"safety__{name}_limit": strictness * value for name, value in limits.items()}
-    ramp = {"safety__ramp_acceleration": ramp_acceleration, "safety__ramp_jerk": ramp_jerk}
+    ramp = {"safety__ramp_acceleration": min(ramp_acceleration, strictness * limits["acceleration"])}
+    ramp |= {"safety__ramp_jerk": ramp_jerk, "safety__ramp_velocity": min(0.2, strictness * limits["velocity"])}
     config = Config().changed(run__scheme=scheme, **changes, **ramp)
     assert_equal_to_the_loop(config, [selected(400, frequency=frequency, peak=peak)])

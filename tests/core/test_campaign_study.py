@@ -81,7 +81,8 @@ def test_results_are_those_of_single_runs(folder):
 
 
 def test_unstable_runs_have_no_errors(folder):
-    study = Study(Config(), read_motions(folder).motions, ["uc"], {"safety.acceleration_limit": [0.1]})
+    slow = Config().changed(safety__ramp_acceleration=0.1)
+    study = Study(slow, read_motions(folder).motions, ["uc"], {"safety.acceleration_limit": [0.1]})
     for finished in run_piece(next(study.pieces())):
         assert (finished.result["stable"], finished.result["outcome"]) == (False, "limit")
         assert "safety.acceleration_limit" in finished.result["reason"]

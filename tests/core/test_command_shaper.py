@@ -11,16 +11,16 @@ from bmd_rths_core.compensators.phase_lead import CommandShaper, CommandShaperCo
 from bmd_rths_core.errors import InputError
 
 DT = 0.005
-PAPER = CommandShaperConfig(2.0, 2.0, 5.0)
+PAPER = CommandShaperConfig(2.0, 2.0, 0.025)
 
 
 def response_at(config, frequency_hz):
-    numerator, denominator = transfer_function(config)
+    numerator, denominator = transfer_function(config, DT)
     return freqz(numerator, denominator, worN=[2 * np.pi * frequency_hz * DT])[1][0]
 
 
 def test_paper_weights_give_the_stated_gain_and_phase():
-    numerator, denominator = transfer_function(PAPER)
+    numerator, denominator = transfer_function(PAPER, DT)
     assert numerator == (27.0, -23.0, 1.0)
     assert denominator == (2.0, 2.0, 1.0)
     assert sum(numerator) / sum(denominator) == 1.0
@@ -32,7 +32,7 @@ def test_paper_weights_give_the_stated_gain_and_phase():
 
 @given(st.floats(0.0, 10.0))
 def test_lead_at_low_frequency_is_alpha_steps(alpha):
-    config = CommandShaperConfig(2.0, 2.0, alpha)
+    config = CommandShaperConfig(2.0, 2.0, alpha * DT)
     frequency = 1e-3
     lead = np.angle(response_at(config, frequency)) / (2 * np.pi * frequency)
     assert lead == pytest.approx(alpha * DT, abs=1e-6)
@@ -40,21 +40,21 @@ def test_lead_at_low_frequency_is_alpha_steps(alpha):
 
 def test_steps_are_those_of_scipy_lfilter_and_python_control():
     signal = np.random.default_rng(0).normal(size=500)
-    shaper = CommandShaper(PAPER, active=True)
+    shaper = CommandShaper(PAPER, DT, active=True)
     ours = np.array([shaper.step(a) for a in signal])
-    numerator, denominator = transfer_function(PAPER)
+    numerator, denominator = transfer_function(PAPER, DT)
     assert ours == pytest.approx(lfilter(numerator, denominator, signal), rel=1e-12, abs=1e-12)
     theirs = control.forced_response(control.tf(numerator, denominator, DT), U=signal)
     assert ours == pytest.approx(theirs.outputs, rel=1e-10, abs=1e-10)
 
 
 def test_inactive_shaper_passes_the_desired_acceleration_bit_for_bit():
-    shaper = CommandShaper(PAPER, active=False)
+    shaper = CommandShaper(PAPER, DT, active=False)
     assert [shaper.step(a) for a in (0.1, -3.7, 1e-300)] == [0.1, -3.7, 1e-300]
 
 
 def test_reset_forgets_the_past():
-    shaper = CommandShaper(PAPER, active=True)
+    shaper = CommandShaper(PAPER, DT, active=True)
     first = [shaper.step(a) for a in (1.0, 2.0, 3.0)]
     shaper.reset()
     assert [shaper.step(a) for a in (1.0, 2.0, 3.0)] == first
@@ -72,7 +72,7 @@ def test_stable_region_is_where_the_poles_are_inside_the_unit_circle(w1, w2):
 @pytest.mark.parametrize(("w1", "w2"), [(1.0, 0.0), (-1.0, 0.0), (2.0, 3.0), (2.0, -3.0), (-3.0, 2.0), (0.0, 0.0)])
 def test_boundary_of_the_stable_region_is_refused(w1, w2):
     with pytest.raises(InputError) as error:
-        CommandShaperConfig(w1, w2, 5.0)
+        CommandShaperConfig(w1, w2, 0.025)
     assert f"W1 = {w1:g}, W2 = {w2:g}" in str(error.value)
     assert "|W1| > 1 and |W2| < |W1 + 1| are required" in str(error.value)
     assert "\n" not in str(error.value)

@@ -131,9 +131,9 @@ def test_dumped_file_is_a_ros_parameter_file():
 
 def test_partial_file_replaces_what_it_names_and_nothing_else(tmp_path):
     path = tmp_path / "model.yaml"
-    path.write_text(below("command_shaper: {alpha: 3.8}", "specimen: {identified_frequency: 30.0}"))
+    path.write_text(below("command_shaper: {lead_time: 0.019}", "specimen: {identified_frequency: 30.0}"))
     config = Config().changed(run__scheme="uc", command_shaper__w1=3.0)
-    assert config.merged(path) == config.changed(command_shaper__alpha=3.8, specimen__identified_frequency=30.0)
+    assert config.merged(path) == config.changed(command_shaper__lead_time=0.019, specimen__identified_frequency=30.0)
 
 
 def test_specimen_of_other_height_is_refused(tmp_path):
@@ -147,7 +147,7 @@ def test_specimen_of_other_height_is_refused(tmp_path):
     ("text", "expected"),
     [
         (below("command_shaper: {alfa: 3.8}"), "command_shaper.alfa: unknown parameter"),
-        (below("shaper: {alpha: 3.8}"), "shaper: unknown section"),
+        (below("shaper: {lead_time: 0.019}"), "shaper: unknown section"),
         (below("shaper: 3.8"), "shaper: unknown section"),
         (below("command_shaper: 3.8"), "command_shaper: 3.8 is not a section"),
         (below("specimen: {masses: [1.0]}"), "one entry a story"),

@@ -29,10 +29,10 @@ def test_table_is_safe_and_the_reason_is_told(kind, seed):
 @pytest.mark.parametrize(
     ("kind", "named"),
     [
-        ("dead_controller", "safety.stale_controller_limit"),
+        ("dead_controller", "safety.stale_controller_time"),
         ("frozen_controller", "answers step"),
         ("nan_sensor", "safety.non_finite_action"),
-        ("stuck_sensor", "safety.stuck_limit"),
+        ("stuck_sensor", "safety.stuck_time"),
         ("drifting_command", "safety.displacement_limit"),
         ("dead_host", "watchdog"),
         ("unstable", "safety."),

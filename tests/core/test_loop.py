@@ -65,7 +65,7 @@ def test_loop_can_be_run_again():
 
 
 def test_a_limit_ends_the_run_at_the_step_that_passed_it():
-    config = Config().changed(safety__acceleration_limit=0.5)
+    config = Config().changed(safety__acceleration_limit=0.5, safety__ramp_acceleration=0.5)
     record = RthsLoop(config, synthetic(0.005)).run()
     assert record.outcome == "limit"
     assert not record.stable

@@ -91,9 +91,12 @@ def test_substructure_without_damping_cannot_be_judged():
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"safety__acceleration_limit": 1.0}, "safety.acceleration_limit [m/s2] passed at step"),
+        (
+            {"safety__acceleration_limit": 1.0, "safety__ramp_acceleration": 1.0},
+            "safety.acceleration_limit [m/s2] passed at step",
+        ),
         ({"safety__displacement_limit": 0.02}, "safety.displacement_limit [m] passed at step"),
-        ({"safety__velocity_limit": 0.05}, "safety.velocity_limit [m/s] passed at step"),
+        ({"safety__velocity_limit": 0.05, "safety__ramp_velocity": 0.05}, "safety.velocity_limit [m/s] passed at step"),
         ({"safety__force_limit": 4000.0}, "safety.force_limit [N] passed at step"),
     ],
 )
@@ -104,7 +107,7 @@ def test_passed_limit_is_named_with_value_step_and_time(changes, told):
     assert told in problem
     assert f"allowed is {next(iter(changes.values())):g}" in problem
     assert not preflight.cleared
-    (name,) = changes
+    name = next(iter(changes))
     config = config.changed(**{name.replace("_limit", "_action"): "indicate"})
     assert predict_test(config, motion).cleared
 

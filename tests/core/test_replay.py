@@ -54,7 +54,7 @@ def test_same_parameters_give_the_recording_bit_for_bit(scheme, source):
 
 
 def test_run_that_a_limit_ended_is_replayed_up_to_its_last_measurement():
-    config, record = run(safety__acceleration_limit=1.0)
+    config, record = run(safety__acceleration_limit=1.0, safety__ramp_acceleration=1.0)
     assert record.outcome == "limit"
     done = replay(record, config)
     assert done.replayed.same_signals(record)
@@ -176,10 +176,10 @@ def test_answers_of_other_nodes_are_compared_where_the_run_had_every_measurement
 
 def test_changed_parameters_are_told_with_those_that_have_no_effect():
     before = Config()
-    after = before.changed(force_correction__gain=0.4, run__scheme="fc", run__seed=3, command_shaper__alpha=2.0)
+    after = before.changed(force_correction__gain=0.4, run__scheme="fc", run__seed=3, command_shaper__lead_time=0.01)
     effective, idle = changed_parameters(before, after)
     assert effective == {"run.scheme": ("plc_fc", "fc"), "force_correction.gain": (0.5, 0.4)}
-    assert sorted(idle) == ["command_shaper.alpha", "run.seed"]
+    assert sorted(idle) == ["command_shaper.lead_time", "run.seed"]
 
 
 def test_record_of_a_replay_tells_what_it_is():

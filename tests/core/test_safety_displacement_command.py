@@ -83,7 +83,7 @@ def test_stroke_trips_name_the_first_step_beyond_each_limit():
 
 
 def test_stroke_trips_are_those_that_would_stop_the_test():
-    limits = SafetyConfig(displacement_limit=0.01, velocity_limit=0.1)
+    limits = SafetyConfig(displacement_limit=0.01, velocity_limit=0.1, ramp_velocity=0.1)
     assert len(stroke_trips(-np.ones(100), limits, DT)) == 2
     lenient = SafetyConfig(
         displacement_limit=0.01, velocity_limit=0.1, displacement_action="indicate", velocity_action="ignore"

@@ -65,11 +65,21 @@ def test_vibration_with_constant_amplitude_leaves_it():
     assert abs(history[-1] - history[1000]) < 0.05
 
 
-def test_vibration_below_the_floor_is_not_judged():
+def test_vibration_far_below_the_floor_hardly_counts():
     """Jerk is 30³ times the amplitude; the floor is 60 m/s³."""
     history, trips = values(*vibration(0.3, 1e-5, 5.0))
     assert trips == []
     assert history.max() < 0.05
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0, 3.0])
+def test_floor_attenuates_growth_by_the_share_of_the_energy(share):
+    """Growth counts r² / (1 + r²) at r times the floor, so that its integral is ln (1 + r²), whose r grows with σ."""
+    growth, middle = 0.3, 2.0
+    amplitude = share * SafetyConfig().stability_floor * np.sqrt(2.0) / 30.0**3 * np.exp(-growth * middle)
+    history, _ = values(*vibration(growth, amplitude, 3.0))
+    first, last = np.log(1.0 + (share * np.exp(growth * np.array([1.0, 3.0]) - growth * middle)) ** 2)
+    assert history[2999] - history[1000] == pytest.approx(last - first, rel=0.1)
 
 
 def test_first_passage_is_told_once_until_reset():

@@ -29,24 +29,25 @@ def trips(check, measurements):
 
 @pytest.mark.parametrize("sensor", range(6))
 def test_each_sensor_is_told_by_name_after_the_limit(sensor):
-    check = StuckSensorCheck(SafetyConfig(stuck_limit=40), DT)
+    check = StuckSensorCheck(SafetyConfig(stuck_time=0.2), DT)
     first = trips(check, (measurement(k, (sensor,)) for k in range(342)))[0]
-    assert (first.step, first.value, first.allowed) == (341, 41, 40)  # the value of step 300 is kept from 301 on
-    assert first.limit == "safety.stuck_limit"
+    assert first.step == 341  # the value of step 300 is kept from 301 on
+    assert (first.value, first.allowed, first.unit) == (pytest.approx(41 * DT), 0.2, "s")
+    assert first.limit == "safety.stuck_time"
     assert f"the {NAMES[sensor]} stayed" in str(first)
     assert first.action is Action.RAMP
 
 
 def test_sensors_that_move_and_one_that_was_never_there_do_not_trip():
-    check = StuckSensorCheck(SafetyConfig(stuck_limit=10), DT)
+    check = StuckSensorCheck(SafetyConfig(stuck_time=0.05), DT)
     silent = [measurement(k, (2, 4), since=0) for k in range(600)]
     assert trips(check, silent) == []
     missing = [m._replace(base_shear=math.nan, floor_accelerations=np.full(2, math.nan)) for m in silent]
-    assert trips(StuckSensorCheck(SafetyConfig(stuck_limit=10), DT), missing) == []
+    assert trips(StuckSensorCheck(SafetyConfig(stuck_time=0.05), DT), missing) == []
 
 
 def test_table_that_is_not_moved_may_stand_still():
-    check = StuckSensorCheck(SafetyConfig(stuck_limit=10), DT)
+    check = StuckSensorCheck(SafetyConfig(stuck_time=0.05), DT)
     moving = [measurement(k, range(6)) for k in range(300)]
     standing = [measurement(k, range(6), command=0.0) for k in range(300, 3000)]
     found = trips(check, moving + standing[1500:])
@@ -56,11 +57,11 @@ def test_table_that_is_not_moved_may_stand_still():
 
 
 def test_command_that_is_not_finite_does_not_blind_it():
-    check = StuckSensorCheck(SafetyConfig(stuck_limit=40), DT)
+    check = StuckSensorCheck(SafetyConfig(stuck_time=0.2), DT)
     stream = [measurement(k, (0,), command=math.nan if k == 5 else None) for k in range(400)]
     assert trips(check, stream)
 
 
 def test_ignored_limit_says_nothing():
-    check = StuckSensorCheck(SafetyConfig(stuck_limit=5, stuck_action="ignore"), DT)
+    check = StuckSensorCheck(SafetyConfig(stuck_time=0.025, stuck_action="ignore"), DT)
     assert trips(check, (measurement(k, (0,)) for k in range(600))) == []

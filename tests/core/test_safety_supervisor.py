@@ -73,16 +73,26 @@ def hear_nothing(steps):
 
 
 CASES = {
-    "acceleration": ({"acceleration_limit": 1.0}, send(1.1), 5, "m/s2", 1.1, "command 1.1, allowed is 1"),
-    "negative acceleration": ({"acceleration_limit": 1.0}, send(-1.1), 5, "m/s2", -1.1, "command -1.1, allowed is 1"),
+    "acceleration": (
+        *({"acceleration_limit": 1.0, "ramp_acceleration": 1.0}, send(1.1), 5),
+        *("m/s2", 1.1, "command 1.1, allowed is 1"),
+    ),
+    "negative acceleration": (
+        *({"acceleration_limit": 1.0, "ramp_acceleration": 1.0}, send(-1.1), 5),
+        *("m/s2", -1.1, "command -1.1, allowed is 1"),
+    ),
     "increment": ({"increment_limit": 1.5}, send(1.0, -0.6), 6, "m/s2", -1.6, "change of the command -1.6"),
-    "displacement": ({"displacement_limit": 0.1}, sense(displacement=-0.2), 5, "m", -0.2, "displacement -0.2, allowed"),
+    "displacement": ({"displacement_limit": 0.1}, sense(displacement=-0.2), 5, "m", -0.2, "commanded, -0.2, allowed"),
     "force": ({"force_limit": 1e3}, sense(force=-2e3), 5, "N", -2e3, "actuator force -2000, allowed is 1000"),
     "tracking": ({"tracking_time": DT, "tracking_limit": 1.0}, sense(acceleration=2.0), 5, "m/s2", 2.0, "error 2,"),
-    "stale_shear": ({"stale_shear_limit": 3}, skip(4), 9, "steps", 4, "steps without a command 4, allowed is 3"),
-    "silent shear": ({"stale_shear_limit": 3}, be_silent(4), 9, "steps", 4, "steps without a command 4, allowed is 3"),
-    "stale_controller": ({"stale_controller_limit": 3}, hear_nothing(4), 9, "steps", 4, "without a measurement 4,"),
+    "stale_shear": ({"stale_shear_time": 0.015}, skip(4), 9, "s", 0.02, "a command 0.02, allowed is 0.015"),
+    "silent shear": ({"stale_shear_time": 0.015}, be_silent(4), 9, "s", 0.02, "a command 0.02, allowed is 0.015"),
+    "stale_controller": ({"stale_controller_time": 0.015}, hear_nothing(4), 9, "s", 0.02, "measurement 0.02, allowed"),
 }
+
+
+def parameter_of(limit):
+    return f"{limit}_time" if limit.startswith("stale") else f"{limit}_limit"
 
 
 @pytest.mark.parametrize("action", STOPPING)
@@ -96,11 +106,12 @@ def test_limit_trips_at_its_step_with_its_text_and_its_action(case, action):
     if case == "displacement":  # a table that does not follow the commands cannot be brought to rest by them
         action = Action.EMERGENCY_STOP
     (trip,) = observed.trips
-    assert trip.limit == f"safety.{limit}_limit"
+    key = parameter_of(limit)
+    assert trip.limit == f"safety.{key}"
     assert (trip.unit, trip.step, trip.action) == (unit, step, action)
     assert trip.value == pytest.approx(value)
-    assert trip.allowed == getattr(SafetyConfig(**changes), f"{limit}_limit")
-    assert f"safety.{limit}_limit [{unit}] passed at step {step}: " in str(trip)
+    assert trip.allowed == getattr(SafetyConfig(**changes), key)
+    assert f"safety.{key} [{unit}] passed at step {step}: " in str(trip)
     assert words in str(trip)
     assert str(trip).endswith({"hold": "hold", "ramp": "ramp to rest"}.get(action.name.lower(), "emergency stop"))
     assert observed.reason == str(trip)
@@ -152,8 +163,8 @@ def test_what_keeps_the_limit_does_not_trip(case):
     """The same happens under a limit that is larger by a little."""
     changes, happen, _, _, value, _ = CASES[case]
     limit = {"negative acceleration": "acceleration", "silent shear": "stale_shear"}.get(case, case)
-    allowed = 4 if limit.startswith("stale") else abs(value) + 1e-9
-    observed = supervisor(**{**changes, f"{limit}_limit": allowed})
+    allowed = value if limit.startswith("stale") else abs(value) + 1e-9
+    observed = supervisor(**{**changes, parameter_of(limit): allowed})
     rest(observed, 5)
     happen(observed)
     assert observed.trips == ()
@@ -233,7 +244,7 @@ def test_displacement_limit_acts_before_the_braking_distance_is_used_up():
 
 
 def test_velocity_limit_acts_on_the_predicted_velocity():
-    observed = supervisor(velocity_limit=0.1025, stale_controller_action="ignore")
+    observed = supervisor(velocity_limit=0.1025, ramp_velocity=0.1, stale_controller_action="ignore")
     steps = next(step for step in range(100) if not observed.check(step, 1.0))
     (trip,) = observed.trips
     assert trip.limit == "safety.velocity_limit"
@@ -311,7 +322,7 @@ def test_nothing_fails_without_limits_however_large_the_command():
 
 
 def test_trips_are_latched_until_reset():
-    observed = supervisor(acceleration_limit=1.0)
+    observed = supervisor(acceleration_limit=1.0, ramp_acceleration=1.0)
     rest(observed, 3)
     assert not observed.check(3, 2.0)
     first = observed.trips
@@ -387,7 +398,7 @@ def test_hold_stays_with_zero_acceleration_until_the_operator_ramps():
 
 def test_commands_held_by_the_table_are_part_of_the_motion():
     """Ten steps of 0.5 m/s² are held by the table for ten more: the ramp takes that motion away too."""
-    observed = supervisor(stale_shear_limit=5)
+    observed = supervisor(stale_shear_time=0.025)
     for step in range(10):
         assert observed.check(step, 0.5)
     assert not observed.goes_on_without(10 * DT)
@@ -416,6 +427,9 @@ def test_trip_found_elsewhere_begins_its_action():
 # ---- with the simulated table
 
 
+TIGHT = {"safety__acceleration_limit": 1.0, "safety__ramp_acceleration": 1.0}
+
+
 class TableThatStaysOn(SimulatedTable):
     """Can be asked where it stands after the test."""
 
@@ -428,7 +442,7 @@ class TableThatStaysOn(SimulatedTable):
         return self.exchange(TableCommand(step, 0.0)).table_displacement
 
 
-@pytest.mark.parametrize("changes", [{}, {"safety__acceleration_limit": 1.0}, {"safety__velocity_limit": 0.1}])
+@pytest.mark.parametrize("changes", [{}, TIGHT, {"safety__velocity_limit": 0.1, "safety__ramp_velocity": 0.1}])
 def test_simulated_table_is_at_rest_at_zero_after_every_test(changes):
     """The servo has unit gain at zero frequency: when the commands leave nothing, it does not either."""
     config = Config().changed(**changes)

@@ -41,7 +41,7 @@ def random_config(seed):
         simulated_table__servo_real_pole=20.0 + 100.0 * x[5],
         simulated_table__servo_damping_ratio=0.1 + x[6],
         simulated_table__command_delay=0.02 * x[7],
-        command_shaper__alpha=6.0 * x[8],
+        command_shaper__lead_time=6.0 * x[8] * (0.005, 0.002)[seed % 2],
     )
 
 

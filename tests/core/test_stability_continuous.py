@@ -31,7 +31,7 @@ FIVE_STORIES = ShearBuilding(
     (900.0, 700.0, 800.0, 500.0, 650.0), (4e6, 3e6, 2e6, 5e6, 1e6), (900.0, 0.0, 4000.0, 100.0, 20.0)
 )
 ONE_MODE = experimental_modes([IdentifiedMode(17.72, 0.028)])
-PLC = phase_lead_compensator(CommandShaperConfig(2.0, 2.0, 5.0), DT)
+PLC = phase_lead_compensator(CommandShaperConfig(2.0, 2.0, 5.0 * DT), DT)
 
 frequencies = st.floats(3.0, 200.0)
 damping_ratios = st.floats(0.002, 0.2)
@@ -165,7 +165,7 @@ def test_conditionally_stable_loop_has_all_its_intervals():
         numerical_oscillator(22.587, 0.0296),
         experimental_modes([IdentifiedMode(8.362, 0.029), IdentifiedMode(24.468, 0.01115, 0.3674)]),
         table_sections(servo_sections(191.7, 183.6, 0.3)),
-        phase_lead_compensator(CommandShaperConfig(2.0, 2.0, 5.422), DT),
+        phase_lead_compensator(CommandShaperConfig(2.0, 2.0, 5.422 * DT), DT),
         0.0018939,
     )
     margin = loop.margin()
@@ -188,7 +188,7 @@ def test_intervals_with_compensator_agree_with_counted_encirclements(frequency, 
         numerical_oscillator(frequency, zeta),
         experimental_modes([IdentifiedMode(*mode) for mode in modes]),
         table_sections(servo_sections(pole, 183.6, 0.3)),
-        phase_lead_compensator(CommandShaperConfig(2.0, 2.0, alpha), DT),
+        phase_lead_compensator(CommandShaperConfig(2.0, 2.0, alpha * DT), DT),
         delay,
     )
     margin = loop.margin()

@@ -52,7 +52,7 @@ EXPLICIT = {
 CONDITIONAL = {
     "run__scheme": "plc",
     "shear_estimator__source": "load_cell",
-    "command_shaper__alpha": 3.0808,
+    "command_shaper__lead_time": 3.0808 * DT,
     "simulated_table__servo_real_pole": 77.346,
     "simulated_table__servo_damping_ratio": 0.3,
     "numerical_substructure__stiffnesses": [2440169.0],

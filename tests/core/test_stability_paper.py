@@ -22,7 +22,7 @@ from bmd_rths_core.structure.shear_building import ShearBuilding
 DT = 0.005
 SIMPLIFIED = ShearBuilding((760.0, 800.0), (2495320.0, 4941700.0), (3330.0, 78.0))
 EIGHT_STORY = ShearBuilding((760.0, *[800.0] * 4), (2495320.0, *[4941700.0] * 4), (3330.0, *[78.0] * 4))
-PLC = phase_lead_compensator(CommandShaperConfig(2.0, 2.0, 5.0), DT)
+PLC = phase_lead_compensator(CommandShaperConfig(2.0, 2.0, 0.025), DT)
 IDENTIFIED_TABLE = table_sections(EQUATION_9)
 
 NUMERICAL = {"8-story": numerical_oscillator(35.43, 0.02), "simplified": numerical_oscillator(94.09, 0.0167)}

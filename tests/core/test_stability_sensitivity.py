@@ -22,7 +22,7 @@ SERVO = {f"simulated_table.servo_{name}" for name in ("real_pole", "frequency", 
 IDENTIFIED = {"specimen.identified_frequency", "specimen.identified_damping_ratio"}
 ALWAYS = STORIES | {"run.time_step", "force_correction.feedback_scale", "simulated_table.specimen_stiffness_factor"}
 KALMAN = {"shear_estimator.sensor_noise", "shear_estimator.model_error"}
-SHAPER = {"command_shaper.w1", "command_shaper.w2", "command_shaper.alpha"}
+SHAPER = {"command_shaper.w1", "command_shaper.w2", "command_shaper.lead_time"}
 
 
 def by_name(config, options=ONE_MODE):

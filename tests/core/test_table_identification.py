@@ -188,7 +188,7 @@ def test_model_file_is_merged_over_a_configuration(tmp_path):
     merged = SERVO.merged(path)
     assert merged.simulated_table.dynamics == "sections"
     assert merged.simulated_table.sections == model.sections
-    assert merged.command_shaper.alpha == pytest.approx(model.delay.steps, abs=5e-4)
+    assert merged.command_shaper.lead_time == pytest.approx(model.delay.seconds, abs=5e-7)
     assert merged.simulated_table.acceleration_noise == SERVO.simulated_table.acceleration_noise
     assert merged.specimen == SERVO.specimen
 

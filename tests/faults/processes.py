@@ -40,9 +40,9 @@ SETTINGS = {
     "ground_motion.duration": 20.0,
     "ground_motion.peak_acceleration": 0.3,
     "safety.ramp_acceleration": 0.5,
-    "run.max_consecutive_misses": 100,
-    "safety.stale_shear_limit": 100,
-    "safety.stale_controller_limit": 100,
+    "run.longest_miss_time": 2.0,
+    "safety.stale_shear_time": 2.0,
+    "safety.stale_controller_time": 2.0,
 }
 #: Silence of the host after which the controller brings the table to rest [s]. It holds the last command until then;
 #: the small accelerations above leave the table within its stroke, which 5 m/s² would not.
@@ -295,7 +295,7 @@ def _trips(bench: Bench) -> str:
 #: What is told when a node of the loop falls silent: by the numerical substructure, the table driver or the recorder.
 _SILENCE = (
     _MISSES,
-    "stale_shear_limit",
+    "stale_shear_time",
     "numerical substructure is gone",
     "nothing was heard",
 )
@@ -429,10 +429,10 @@ def _controller(random: Random) -> Trial:
         ("loss", ()),
         ("delay", ()),
         ("bit_flips", ()),
-        ("dead", ("stale_controller_limit", *_SILENCE)),
+        ("dead", ("stale_controller_time", *_SILENCE)),
         ("frozen", ("answers step",)),
         ("nan", ("non_finite_action",)),
-        ("stuck", ("stuck_limit",)),
+        ("stuck", ("stuck_time",)),
         ("valve", ()),
         ("pressure", ()),
     ][int(random.integers(9))]

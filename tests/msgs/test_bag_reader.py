@@ -24,6 +24,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
+from bmd_rths_core.config import config_from_mapping
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.controller import TableMeasurement
@@ -401,3 +402,30 @@ def test_bag_is_whole_until_its_end_is_cut(tmp_path: Path) -> None:
 def test_bag_without_an_end_is_not_whole(tmp_path: Path) -> None:
     BagWriter(tmp_path / "bag", metadata=start_metadata(CONFIGURATION, {}, {})).flush()
     assert not bag_is_whole(tmp_path / "bag")
+
+
+def test_configuration_of_an_older_version_is_converted_and_the_record_tells(make_record: Make, tmp_path: Path) -> None:
+    """As a bag of the version before has it, where limits counted steps."""
+    old = {
+        "run": {"time_step": 0.005, "max_consecutive_misses": 20, "seed": 7},
+        "command_shaper": {"w1": 2.0, "alpha": 5.422},
+        "safety": {"stale_shear_limit": 30, "stale_controller_limit": 10, "stuck_limit": 100},
+    }
+    recorded = replace(make_record(3), configuration=old, outcome="finished", reason="")
+    found = read_bag(write_record(recorded, tmp_path / "old"))
+    config = config_from_mapping(found.configuration)
+    assert (config.run.longest_miss_time, config.run.seed, config.command_shaper.lead_time) == (0.1, 7, 0.02711)
+    safety = config.safety
+    assert (safety.stale_shear_time, safety.stale_controller_time, safety.stuck_time) == (0.15, 0.05, 0.5)
+    assert found.reason.startswith("the configuration is of an older version: run.max_consecutive_misses is now ")
+    assert "safety.stale_shear_limit is now safety.stale_shear_time; 30 steps of 0.005 s are 0.15 s" in found.reason
+    again = read_bag(write_record(found, tmp_path / "again"))  # written anew it is one of this version
+    assert again.configuration == found.configuration
+    assert again.reason == found.reason
+
+
+def test_configuration_with_old_and_new_name_is_refused(tmp_path: Path) -> None:
+    both = {"run": {"time_step": 0.005}, "safety": {"stuck_limit": 100, "stuck_time": 0.5}}
+    BagWriter(tmp_path / "both", metadata=start_metadata(both, {}, {})).close(FINISHED)
+    with pytest.raises(InputError, match=r"both: safety\.stuck_limit: stands beside safety\.stuck_time"):
+        read_bag(tmp_path / "both")

@@ -90,7 +90,9 @@ def test_results_are_those_in_process_and_a_killed_study_goes_on(run_main, bmd_r
 
 def test_run_that_a_limit_ends_is_a_result(bmd_rths, records, domain):
     arguments = ("--motions", records / "kobe.csv", "--schemes", "uc", "--ros", "--json")
-    result = bmd_rths(*campaign("out", *arguments, "--set", "safety.acceleration_limit=0.5")).wait()
+    result = bmd_rths(
+        *campaign("out", *arguments, "--set", "safety.acceleration_limit=0.5", "--set", "safety.ramp_acceleration=0.5")
+    ).wait()
     assert result.status == 0, result.errors
     (run,) = json.loads(result.output)["runs"]
     assert (run["stable"], run["outcome"], run["rmse_percent"]["substructure"]) == (False, "limit", None)

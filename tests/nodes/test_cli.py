@@ -54,7 +54,9 @@ def test_table_for_a_person_tells_errors_and_bag(run_main, tmp_path):
 
 
 def test_text_in_brackets_is_no_markup(run_main):
-    _, output, _ = run_main("simulate", CONFIG, "--set", "safety.acceleration_limit=1.0")
+    _, output, _ = run_main(
+        "simulate", CONFIG, "--set", "safety.acceleration_limit=1.0", "--set", "safety.ramp_acceleration=1.0"
+    )
     assert "safety.acceleration_limit [m/s2] passed" in " ".join(output.split())
 
 
@@ -72,7 +74,9 @@ def test_recordings_of_the_same_second_get_directories_of_their_own(tmp_path):
 
 
 def test_unstable_simulation_is_reported_and_has_status_1(run_main):
-    status, output, _ = run_main("simulate", CONFIG, "--set", "safety.acceleration_limit=1.0", "--json")
+    status, output, _ = run_main(
+        "simulate", CONFIG, "--set", "safety.acceleration_limit=1.0", "--set", "safety.ramp_acceleration=1.0", "--json"
+    )
     assert status == 1
     assert json.loads(output)["stable"] is False
 
@@ -103,14 +107,24 @@ WRONG = {
     "duration beyond the record": ("good.yaml", ["--set", "ground_motion.duration=99.0"], ["99", "17.9909"]),
     "negative mass": ("good.yaml", ["--set", "specimen.masses=[-760.0, 800.0]"], ["specimen.masses", "-760", "> 0 kg"]),
     "unknown key": ("good.yaml", ["--set", "specimen.mases=[1.0]"], ["specimen.mases", "unknown parameter"]),
+    "old name": (
+        "good.yaml",
+        ["--set", "safety.stale_shear_limit=20"],
+        ["safety.stale_shear_limit is now safety.stale_shear_time, in seconds; 20 steps of 0.005 s are 0.1 s"],
+    ),
+    "old name in the file": (
+        "old.yaml",
+        [],
+        ["old.yaml: command_shaper.alpha is now command_shaper.lead_time, in seconds; 0.025 steps of 0.005 s are"],
+    ),
     "unknown section": ("good.yaml", ["--set", "speciment.masses=[1.0]"], ["speciment", "unknown section"]),
     "unstable PLC weights": ("good.yaml", ["--set", "command_shaper.w1=0.5"], ["W1 = 0.5", "|W1| > 1"]),
-    "malformed setting": ("good.yaml", ["--set", "alpha=5"], ["--set alpha=5", "SECTION.KEY=VALUE"]),
+    "malformed setting": ("good.yaml", ["--set", "lead_time=0.025"], ["--set lead_time=0.025", "SECTION.KEY=VALUE"]),
     "unknown scheme": ("good.yaml", ["--scheme", "plcfc"], ["plcfc", "plc_fc"]),
     "unwritable output": ("good.yaml", ["--output", "a_file/out"], ["a_file/out", "cannot be written"]),
     "unknown option": ("good.yaml", ["--shceme", "uc"], ["--shceme"]),
     "unstable weights in the file": ("unstable.yaml", [], ["unstable.yaml", "W1 = 0.5"]),
-    "unknown key in the file": ("unknown.yaml", [], ["unknown.yaml", "command_shaper.alfa", "alpha"]),
+    "unknown key in the file": ("unknown.yaml", [], ["unknown.yaml", "command_shaper.lead", "lead_time"]),
     "missing configuration": ("none.yaml", [], ["none.yaml", "No such file"]),
     "unknown configuration": ("simplyfied", [], ["simplyfied", "no such file and no installed configuration"]),
 }
@@ -123,7 +137,8 @@ def wrong_files(tmp_path):
     texts = {
         "good.yaml": good,
         "unstable.yaml": good.replace("w1: 2.0", "w1: 0.5"),
-        "unknown.yaml": good.replace("alpha:", "alfa:"),
+        "unknown.yaml": good.replace("lead_time:", "lead:"),
+        "old.yaml": good.replace("lead_time:", "alpha:"),
         "nan.at2": AT2.format(dt=".0200", value="NaN"),
         "short.at2": AT2.format(dt=".0200", value=""),
         "odd.at2": AT2.format(dt=".0070", value=".2E-01"),

@@ -60,7 +60,9 @@ def test_installed_configurations_are_the_default(run_main, monkeypatch, tmp_pat
 
 
 def test_a_test_that_was_stopped_has_status_1(run_main, tmp_path):
-    stopped = CONFIG.read_text().replace("acceleration_limit: 20.0", "acceleration_limit: 1.0")
+    stopped = CONFIG.read_text().replace(
+        "acceleration_limit: 20.0", "acceleration_limit: 1.0\n      ramp_acceleration: 1.0"
+    )
     (tmp_path / "stopped.yaml").write_text(stopped)
     status, _, errors = run_main("stopped.yaml", "--only", "13", "--format", "png")
     assert status == 1
@@ -89,7 +91,7 @@ def test_wrong_input_has_status_2_and_one_clear_line_and_nothing_is_written(run_
     arguments, named = case
     (tmp_path / "other.yaml").write_text(CONFIG.read_text().replace("masses: [8000.0]", "masses: [4000.0]"))
     (tmp_path / "tight.yaml").write_text(
-        CONFIG.read_text().replace("acceleration_limit: 20.0", "acceleration_limit: 0.1")
+        CONFIG.read_text().replace("acceleration_limit: 20.0", "acceleration_limit: 0.1\n      ramp_acceleration: 0.1")
     )
     (tmp_path / "a_file").write_text("")
     status, output, errors = run_main(*arguments)

@@ -81,9 +81,9 @@ def test_everything_of_the_object(result_of):
     curve = result["sweep"]
     assert {len(values) for values in curve.values()} == {200}
     assert curve["numerical_frequency_rad_s"][0] < 94.09 < curve["numerical_frequency_rad_s"][-1]
-    alpha = next(entry for entry in result["sensitivity"] if entry["parameter"] == "command_shaper.alpha")
-    assert (alpha["decreased"]["value"], alpha["increased"]["value"]) == (4.5, 5.5)
-    assert set(alpha["increased"]["allowable_mass_ratio"]) == {"continuous", "continuous_complete", "discrete"}
+    lead = next(entry for entry in result["sensitivity"] if entry["parameter"] == "command_shaper.lead_time")
+    assert [lead["decreased"]["value"], lead["increased"]["value"]] == pytest.approx([0.0225, 0.0275], rel=1e-12)
+    assert set(lead["increased"]["allowable_mass_ratio"]) == {"continuous", "continuous_complete", "discrete"}
     scale = next(e for e in result["sensitivity"] if e["parameter"] == "force_correction.feedback_scale")
     assert "<= 1 is required" in scale["increased"]["not_allowed"]
 
@@ -175,10 +175,10 @@ def test_table_of_a_model_replaces_nothing_but_the_table(result_of, tmp_path):
     """The delay constant and the specimen in the file are not those of the test, and what is set stays set."""
     model = tmp_path / "model.yaml"
     table = "simulated_table: {dynamics: servo, servo_real_pole: 40.0}"
-    others = "command_shaper: {alpha: 9.0}\n    specimen: {masses: [1500.0, 1600.0]}"
+    others = "command_shaper: {lead_time: 0.045}\n    specimen: {masses: [1500.0, 1600.0]}"
     model.write_text(f"/**:\n  ros__parameters:\n    {table}\n    {others}\n")
     same = ("--set", "simulated_table.dynamics=servo", "--set", "simulated_table.servo_real_pole=40.0")
-    for settings in ((), ("--set", "command_shaper.alpha=3.0")):
+    for settings in ((), ("--set", "command_shaper.lead_time=0.015")):
         asked = (SIMPLIFIED, "--no-sensitivity", *settings)
         with_file, by_hand = result_of(*asked, "--table", model), result_of(*asked, *same)
         for name in ("mass_ratio", "allowable_mass_ratio", "verdict_text"):

@@ -40,7 +40,7 @@ def test_json_tells_table_specimen_and_files(run_main, tmp_path):
     assert list(sections) == ["command_shaper", "simulated_table", "specimen"]
     merged = config.merged(model)
     assert merged.simulated_table.specimen_stiffness_factor == 1.0
-    assert merged.command_shaper.alpha == pytest.approx(result["delay"]["steps"], abs=5e-4)
+    assert merged.command_shaper.lead_time == pytest.approx(1e-3 * result["delay"]["ms"], abs=5e-7)
     status, output, _ = run_main("simulate", CONFIG, "--model", model, "--json")
     assert status == 0
     assert json.loads(output)["stable"]
@@ -48,8 +48,8 @@ def test_json_tells_table_specimen_and_files(run_main, tmp_path):
 
 def test_later_model_and_set_win(run_main, tmp_path):
     first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
-    for path, alpha in ((first, 1.0), (second, 2.0)):
-        path.write_text(f"/**:\n  ros__parameters:\n    command_shaper: {{alpha: {alpha}}}\n")
+    for path, lead_time in ((first, 0.005), (second, 0.01)):
+        path.write_text(f"/**:\n  ros__parameters:\n    command_shaper: {{lead_time: {lead_time}}}\n")
     common = ("simulate", CONFIG, "--scheme", "plc", "--set", "ground_motion.duration=2.0", "--json")
 
     def errors(*options):
@@ -57,9 +57,9 @@ def test_later_model_and_set_win(run_main, tmp_path):
         assert status == 0
         return json.loads(output)["rmse_percent"]
 
-    two = errors("--set", "command_shaper.alpha=2.0")
+    two = errors("--set", "command_shaper.lead_time=0.01")
     assert errors("--model", first, "--model", second) == two
-    assert errors("--model", first, "--set", "command_shaper.alpha=2.0") == two
+    assert errors("--model", first, "--set", "command_shaper.lead_time=0.01") == two
     assert errors("--model", first) != two
 
 
@@ -103,7 +103,9 @@ def test_only_what_is_asked_for(run_main):
 
 
 def test_command_over_the_safety_limit_has_status_1(run_main):
-    status, output, errors = run_main("identify", CONFIG, *SHORT, "--set", "safety.acceleration_limit=0.5")
+    status, output, errors = run_main(
+        "identify", CONFIG, *SHORT, "--set", "safety.acceleration_limit=0.5", "--set", "safety.ramp_acceleration=0.5"
+    )
     assert (status, output) == (1, "")
     assert "safety.acceleration_limit" in errors
 

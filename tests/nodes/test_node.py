@@ -43,15 +43,15 @@ def set_parameter(client, name, value):
 
 
 def test_parameters_have_type_range_description_and_unit(client, shaper):
-    names = ["command_shaper.alpha", "run.scheme", "run.seed", "autostart"]
+    names = ["command_shaper.lead_time", "run.scheme", "run.seed", "autostart"]
     request = DescribeParameters.Request(names=names)
-    alpha, scheme, seed, autostart = client.call(
+    lead, scheme, seed, autostart = client.call(
         DescribeParameters, "/rths/command_shaper/describe_parameters", request
     ).descriptors
-    assert alpha.type == ParameterType.PARAMETER_DOUBLE
-    assert alpha.floating_point_range[0].from_value == 0.0
-    assert "Delay constant of Eq. 10" in alpha.description
-    assert "[steps]" in alpha.description
+    assert lead.type == ParameterType.PARAMETER_DOUBLE
+    assert lead.floating_point_range[0].from_value == 0.0
+    assert "delay constant alpha of Eq. 10" in lead.description
+    assert "[s]" in lead.description
     assert scheme.type == ParameterType.PARAMETER_STRING
     assert scheme.additional_constraints == "one of uc, fc, plc, plc_fc"
     assert seed.type == ParameterType.PARAMETER_INTEGER
@@ -67,20 +67,20 @@ def test_node_declares_its_own_sections_only(client, shaper):
 
 
 def test_parameters_change_before_configuration_only_and_are_checked(client, shaper):
-    assert set_parameter(client, "command_shaper.alpha", 4.0).successful
+    assert set_parameter(client, "command_shaper.lead_time", 0.02).successful
     refused = set_parameter(client, "command_shaper.w1", 0.5)
     assert not refused.successful
     assert "W1 = 0.5" in refused.reason
-    assert not set_parameter(client, "command_shaper.alpha", -1.0).successful
+    assert not set_parameter(client, "command_shaper.lead_time", -1.0).successful
     assert change_state(client, Transition.TRANSITION_CONFIGURE)
-    refused = set_parameter(client, "command_shaper.alpha", 3.0)
+    refused = set_parameter(client, "command_shaper.lead_time", 0.015)
     assert not refused.successful
     assert "after the cleanup transition" in refused.reason
     assert change_state(client, Transition.TRANSITION_CLEANUP)
-    assert set_parameter(client, "command_shaper.alpha", 3.0).successful
-    request = GetParameters.Request(names=["command_shaper.alpha"])
+    assert set_parameter(client, "command_shaper.lead_time", 0.015).successful
+    request = GetParameters.Request(names=["command_shaper.lead_time"])
     values = client.call(GetParameters, "/rths/command_shaper/get_parameters", request).values
-    assert values[0].double_value == 3.0
+    assert values[0].double_value == 0.015
 
 
 def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(client, shaper):
@@ -154,7 +154,7 @@ def test_ordinary_ros_node_can_take_part(client, start):
     for _ in range(20):
         client.spin_some()
     commands.clear()
-    expected = CommandShaper(Config().command_shaper, active=True)
+    expected = CommandShaper(Config().command_shaper, Config().run.time_step, active=True)
     for step, value in enumerate((0.0, 1.0, -2.5, math.pi)):
         send(step, value)
         wait_until(lambda n=step: client.spin_some() or len(commands) > n)
@@ -166,6 +166,11 @@ def test_ordinary_ros_node_can_take_part(client, start):
 @pytest.mark.parametrize(
     ("module", "parameters", "message"),
     [
+        (
+            "command_shaper",
+            ["command_shaper.alpha:=5.0", "run.time_step:=0.002"],
+            "command_shaper.alpha is now command_shaper.lead_time, in seconds; 5 steps of 0.002 s are 0.01 s",
+        ),
         ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter; allowed here: w1"),
         ("command_shaper", ["command_shaper.w1:=0.5"], "W1 = 0.5"),
         ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; > 0 kg is required"),

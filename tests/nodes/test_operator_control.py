@@ -102,7 +102,7 @@ def test_stop_ramps_to_rest_and_is_latched_until_reset(client, driver):
 
 def test_emergency_stop_acts_also_on_the_way_to_rest(client, driver):
     """In real time, with a way to rest of many seconds."""
-    table = driver("run.lockstep:=false", "safety.ramp_acceleration:=0.001", "safety.stale_shear_limit:=100000")
+    table = driver("run.lockstep:=false", "safety.ramp_acceleration:=0.001", "safety.stale_shear_time:=500")
     table.move()
     assert ask(client, "stop")[0]
     table.wait_for(state="tripped", table="moving")
@@ -123,7 +123,9 @@ def test_stop_before_step_0_keeps_a_test_from_beginning(client, driver):
 
 
 def test_tripped_driver_is_reset_and_a_hold_is_brought_back_first(client, driver):
-    table = driver("safety.acceleration_limit:=1.0", "safety.acceleration_action:=hold")
+    table = driver(
+        "safety.acceleration_limit:=1.0", "safety.ramp_acceleration:=1.0", "safety.acceleration_action:=hold"
+    )
     table.move()
     wait_until(lambda: table.send(2, 3.0) or table.told.get("state") == "tripped")
     table.wait_for(supervisor="holding", table="at rest")
@@ -195,7 +197,7 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
 def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop(client, driver):
     """With a way to rest of many seconds, on which a driver that ends does not answer its services any more."""
     with emulator(LOCKSTEP.changed(run__lockstep=False, virtual_controller__watchdog=10.0)) as (server, config):
-        slow = ("run.lockstep:=false", "safety.ramp_acceleration:=0.001", "safety.stale_shear_limit:=100000")
+        slow = ("run.lockstep:=false", "safety.ramp_velocity:=0.0001", "safety.stale_shear_time:=500")
         table = driver("table.controller:=udp", f"table.address:={config.table.address}", *slow)
         table.move()
         table.child.interrupt()
@@ -251,9 +253,9 @@ def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client,
 SLOW = {
     "run__time_step": 0.02,
     "table__answer_timeout": 0.012,
-    "run__max_consecutive_misses": 2000,
-    "safety__stale_shear_limit": 10000,
-    "safety__stale_controller_limit": 10000,
+    "run__longest_miss_time": 40,
+    "safety__stale_shear_time": 200,
+    "safety__stale_controller_time": 200,
     "safety__ramp_acceleration": 0.02,
     "safety__ramp_velocity": 0.01,
     "ground_motion__time_scale": 1.0,

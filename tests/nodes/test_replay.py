@@ -17,7 +17,7 @@ from tests.nodes.conftest import CONFIG, processes_of_domain, recorded, wait_unt
 
 FORCES = ("interface_force", "corrected_force")
 #: A busy machine must not end a run before what is tested has happened.
-PATIENT = {"run__max_consecutive_misses": 2000, "safety__stale_shear_limit": 2000, **WITHOUT_LIMITS}
+PATIENT = {"run__longest_miss_time": 10, "safety__stale_shear_time": 10, **WITHOUT_LIMITS}
 
 
 def settings(**changes):
@@ -150,9 +150,9 @@ def test_wrong_usage_is_one_clear_line(run_main, simulated, arguments, problem):
 
 
 def test_parameter_without_effect_is_told(run_main, simulated):
-    status, output, errors = run_main("replay", simulated, "--set", "command_shaper.alpha=3.0")
+    status, output, errors = run_main("replay", simulated, "--set", "command_shaper.lead_time=0.015")
     assert status == 0
-    assert errors == "warning: without effect in a replay: command_shaper.alpha\n"
+    assert errors == "warning: without effect in a replay: command_shaper.lead_time\n"
     assert "none, equal bit for bit" in output
 
 

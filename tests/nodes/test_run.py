@@ -56,7 +56,7 @@ def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadlin
     assert set(result["closure_ms"]) == {"p50", "p99", "max"}
     assert set(result["rmse_percent"]) == {"substructure", "control_layer", "superstructure"}
     record = read_bag(result["bag"])
-    expected = in_process(ground_motion__duration=duration, run__max_consecutive_misses=200)
+    expected = in_process(ground_motion__duration=duration, run__longest_miss_time=1)
     assert record.steps == expected.steps == 1001
     assert len(record.timing.missed_steps) == result["missed_deadlines"]
     first_miss = min(record.timing.missed_steps, default=record.steps)
@@ -108,14 +108,23 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
 
 
 def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
-    arguments = ("--lockstep", "--set", "safety.acceleration_limit=1.0", "--output", tmp_path, "--json")
+    arguments = (
+        "--lockstep",
+        "--set",
+        "safety.acceleration_limit=1.0",
+        "--set",
+        "safety.ramp_acceleration=1.0",
+        "--output",
+        tmp_path,
+        "--json",
+    )
     result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
     assert result.status == 1
     told = json.loads(result.output)
     assert told["outcome"] == "limit"
     assert told["stable"] is False
     assert told["rmse_percent"] == {"substructure": None, "control_layer": None, "superstructure": None}
-    expected = in_process(safety__acceleration_limit=1.0)
+    expected = in_process(safety__acceleration_limit=1.0, safety__ramp_acceleration=1.0)
     record = read_bag(told["bag"])
     assert record.same_signals(expected)
     assert record.reason == f"table_driver: {expected.reason}"
@@ -168,7 +177,7 @@ def settings(**changes):
 
 #: Real time on a busy machine: its stalls, and the jumps of the command they cause, must not end the test before the
 #: fault that is tested does.
-PATIENT = settings(run__max_consecutive_misses=200, safety__stale_shear_limit=1000, **WITHOUT_LIMITS)
+PATIENT = settings(run__longest_miss_time=1, safety__stale_shear_time=5, **WITHOUT_LIMITS)
 
 
 def begun(tmp_path):
@@ -261,7 +270,7 @@ def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp
 
 
 def test_table_is_brought_to_rest_when_no_command_comes_any_more(bmd_rths, tmp_path, domain):
-    limits = settings(run__max_consecutive_misses=2000, safety__stale_shear_limit=20)
+    limits = settings(run__longest_miss_time=10, safety__stale_shear_time=0.1)
     child = bmd_rths("run", CONFIG, *PATIENT, *limits, "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     (shaper,) = (pid for pid, command in processes_of_domain(domain).items() if "command_shaper" in command)
@@ -270,7 +279,7 @@ def test_table_is_brought_to_rest_when_no_command_comes_any_more(bmd_rths, tmp_p
     assert result.status == 1
     record = read_bag(json.loads(result.output)["bag"])
     assert record.outcome == "limit"
-    assert "table_driver: safety.stale_shear_limit [steps] passed at step" in record.reason
+    assert "table_driver: safety.stale_shear_time [s] passed at step" in record.reason
     assert processes_of_domain(domain) == {}
 
 

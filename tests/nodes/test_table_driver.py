@@ -29,7 +29,7 @@ class Driver:
             "table.controller": "udp",
             "table.address": f"udp://127.0.0.1:{self.script.socket.getsockname()[1]}",
             "table.answer_timeout": "0.09",
-            "safety.stale_shear_limit": "100000",
+            "safety.stale_shear_time": "500",
             **settings,
         }
         parameters = [argument for name, value in settings.items() for argument in ("-p", f"{name}:={value}")]
@@ -97,7 +97,7 @@ def test_newer_commands_reach_the_table_while_an_answer_is_missing(driver):
         waiting.append(packet)
         return [answer_to(waiting[-2], step=packet.step)] if len(waiting) > 1 else []
 
-    table = driver(one_step_late, **{"safety.stale_controller_limit": "100000"})
+    table = driver(one_step_late, **{"safety.stale_controller_time": "500"})
     wait_until(lambda: table.send() and len(table.measured) >= 3)
     assert table.measured == sorted(set(table.measured))
     assert not table.tripped
@@ -105,10 +105,10 @@ def test_newer_commands_reach_the_table_while_an_answer_is_missing(driver):
 
 def test_controller_that_falls_silent_trips_the_driver(driver):
     table = driver(
-        lambda packet: [answer_to(packet)] if packet.step < 2 else [], **{"safety.stale_controller_limit": "3"}
+        lambda packet: [answer_to(packet)] if packet.step < 2 else [], **{"safety.stale_controller_time": "0.3"}
     )
     wait_until(lambda: table.send() and table.tripped)
-    assert "safety.stale_controller_limit [steps] passed at step" in table.told["message"]
+    assert "safety.stale_controller_time [s] passed at step" in table.told["message"]
     assert table.told["outcome"] == "limit"
     assert max(table.measured, default=0) < 2
     assert int(table.told["udp_lost"]) > 0

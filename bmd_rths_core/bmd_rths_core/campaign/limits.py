@@ -22,6 +22,7 @@ from bmd_rths_core.safety import Action, SafetySupervisor, StabilityIndicator
 from bmd_rths_core.safety.commanded_motion import LARGEST_MOTION, Motion
 from bmd_rths_core.safety.supervisor import OFFSET_TIME
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import most_steps
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -97,6 +98,8 @@ class LimitScreen:
         self._offset = running_mean(step, OFFSET_TIME, runs)
         self._tracking = running_mean(step, self._safety.tracking_time, runs)
         self._last_command = np.zeros((runs, 1))
+        # Where the commands had led the table, for whether it follows them: as the supervisor remembers it.
+        self._past = np.zeros((runs, 1 + most_steps(self._safety.following_time, step)))
         self._indicator = IndicatorScreen(config, runs)
 
     def keep(self, runs: BoolArray) -> None:
@@ -109,7 +112,7 @@ class LimitScreen:
         """
         for part in (self._motion, self._offset, self._tracking, self._indicator):
             part.keep(runs)
-        self._last_command = self._last_command[runs]
+        self._last_command, self._past = self._last_command[runs], self._past[runs]
 
     def ends(self, chunk: SignalChunk) -> dict[int, LimitEnd]:
         """Look at the next steps.
@@ -160,6 +163,7 @@ class LimitScreen:
             "stability": self._indicator.advance(chunk.signals["corrected_force"], chunk.displacements),
         }
         self._last_command = command[:, -1:]
+        self._past = np.hstack((self._past, displacement))[:, -self._past.shape[1] :]
         return {name: value.max(axis=-1) for name, value in values.items()}
 
     def _until_rest(self, velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -175,19 +179,19 @@ class LimitScreen:
 
     def _state(self) -> tuple[FloatArray, ...]:
         """Return what the supervisor knows of every run before the next step."""
-        own = (self._motion.state, self._last_command.T, self._offset.state, self._tracking.state)
+        own = (self._motion.state, self._last_command.T, self._offset.state, self._tracking.state, self._past)
         return (*own, *self._indicator.state())
 
     def _taken_up(
         self, state: tuple[FloatArray, ...], i: int, step: int
     ) -> tuple[SafetySupervisor, StabilityIndicator, float]:
         """Return supervisor and indicator in the state of a run, and the shear that was fed back last."""
-        motion, command, offset, tracking, displacements, forces, power, energy, value = state
+        motion, command, offset, tracking, past, displacements, forces, power, energy, value = state
         supervisor, indicator = make_supervisor(self._config), make_stability_indicator(self._config)
         if step:
             displacement, velocity = motion[:, i].tolist()
             now = Motion(displacement, velocity, float(command[0, i]))
-            supervisor.resume(step, now, float(offset[0, i]), float(tracking[0, i]))
+            supervisor.resume(step, now, float(offset[0, i]), float(tracking[0, i]), past[i, :-1].tolist())
             acted = forces[i].tolist()
             indicator.resume(displacements[i], acted[:3], float(power[0, i]), float(energy[0, i]))
             indicator.value = float(value[i, 0])

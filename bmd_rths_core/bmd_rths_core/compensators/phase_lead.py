@@ -10,21 +10,22 @@ import numpy as np
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.time_steps import exact_steps
 
 
 @dataclass(frozen=True)
 class CommandShaperConfig:
-    """Weights and delay constant of the phase-lead compensator."""
+    """Weights and lead time of the phase-lead compensator."""
 
     SECTION: ClassVar[str] = "command_shaper"
 
     w1: float = parameter(2.0, description="Weight W1 of Eq. 10", unit="1", source="Chen et al. 2020, W1 = 2")
     w2: float = parameter(2.0, description="Weight W2 of Eq. 10", unit="1", source="Chen et al. 2020, W2 = 2")
-    alpha: float = parameter(
-        5.0,
-        description="Delay constant of Eq. 10: delay of the table in time steps",
-        unit="steps",
-        source="Chen et al. 2020: 25 ms at 200 Hz",
+    lead_time: float = parameter(
+        0.025,
+        description="Delay of the table that is made up for; in time steps it is the delay constant alpha of Eq. 10",
+        unit="s",
+        source="Chen et al. 2020: 25 ms, alpha = 5 at 200 Hz",
         lower=0.0,
     )
 
@@ -66,14 +67,16 @@ class CommandShaper:
     Parameters
     ----------
     config : CommandShaperConfig
-        Weights and delay constant.
+        Weights and lead time.
+    time_step : float
+        Δt [s].
     active : bool
         False passes the desired acceleration on unchanged (schemes without phase-lead compensation).
     """
 
-    def __init__(self, config: CommandShaperConfig, active: bool) -> None:
+    def __init__(self, config: CommandShaperConfig, time_step: float, active: bool) -> None:
         self._active = active
-        numerator, denominator = transfer_function(config)
+        numerator, denominator = transfer_function(config, time_step)
         w1 = denominator[0]
         self._b0, self._b1, self._b2 = (b / w1 for b in numerator)
         self._a1, self._a2 = denominator[1] / w1, denominator[2] / w1
@@ -122,18 +125,23 @@ class CommandShaper:
         )
 
 
-def transfer_function(config: CommandShaperConfig) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def transfer_function(
+    config: CommandShaperConfig, time_step: float
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Return the coefficients of Eq. 10 in descending powers of z.
 
     Parameters
     ----------
     config : CommandShaperConfig
-        Weights and delay constant.
+        Weights and lead time.
+    time_step : float
+        Δt [s].
 
     Returns
     -------
     numerator, denominator : tuple of three floats
     """
     w1, w2 = config.w1, config.w2
-    lead = (w1 + w2 + 1.0) * config.alpha
+    alpha = exact_steps(config.lead_time, time_step)  # 5, not nearly 5, for the 25 ms of the paper
+    lead = (w1 + w2 + 1.0) * alpha
     return (w1 + lead, w2 - lead, 1.0), (w1, w2, 1.0)

@@ -73,7 +73,8 @@ class GroundMotionConfig:
     )
     fade_in: float = parameter(
         0.0,
-        description="Time over which the record begins, as a raised cosine; 0 for a record that begins at rest",
+        description="Time over which the record itself begins, as a raised cosine; with high_pass_frequency it comes "
+        "before the filter; 0 for a record that begins at rest",
         unit="s",
         source="docs/decisions/0009",
         lower=0.0,
@@ -98,8 +99,8 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
     """Return the ground motion of a test, ready for the loop.
 
     The record is read, stretched or compressed in time, shortened, high-pass filtered, resampled to the time step,
-    faded in, scaled and followed by rest. Scaling comes after resampling and fading, so that the peak the loop sees is
-    exactly the one asked for.
+    faded in (before a high-pass, which brings rest before the record), scaled and followed by rest. Scaling comes after
+    resampling and fading, so that the peak the loop sees is exactly the one asked for.
 
     Parameters
     ----------
@@ -147,14 +148,18 @@ def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time
     recorded, motion = motion, scale_time(motion, config.time_scale)
     if config.duration > 0.0:
         motion = truncate(motion, config.duration)
-    if config.high_pass_frequency > 0.0:
+    filtered = config.high_pass_frequency > 0.0
+    if filtered:
+        # It brings rest before the record: faded after it, the rest would be faded and the record begin as it does.
+        if config.fade_in > 0.0:
+            motion = fade_in(motion, config.fade_in)
         motion = high_pass(motion, config.high_pass_frequency / config.time_scale)
     if divide_each_other(motion.time_step, time_step):
         motion = resample(motion, time_step)
     else:  # a time scale has no reason to fit the time step of the loop, a record has
         check_time_step(recorded, time_step)
         motion = interpolate(motion, time_step)
-    if config.fade_in > 0.0:
+    if config.fade_in > 0.0 and not filtered:
         motion = fade_in(motion, config.fade_in)
     if config.peak_acceleration > 0.0:
         motion = scale_to_peak(motion, config.peak_acceleration)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -136,7 +137,7 @@ def drive(
     time = clock or VirtualClock()
     driver = TableDriver(table, supervisor, time_step, clock is None, on_measurement)
     # Lost answers are judged by the limits of the supervisor alone.
-    conductor = Conductor(commands.tolist(), _Excitation(), None, time_step, clock is None, len(commands), on_step)
+    conductor = Conductor(commands.tolist(), _Excitation(), None, time_step, clock is None, math.inf, on_step)
     try:
         run_to_rest(conductor, driver, time, stops_asked)
     except (OSError, RuntimeError) as error:

@@ -110,7 +110,7 @@ class TableModel:
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Return the sections of a configuration that make up this model."""
         return {
-            "command_shaper": {"alpha": round(self.delay.steps, 3)},
+            "command_shaper": {"lead_time": round(self.delay.seconds, 6)},
             "simulated_table": {
                 "dynamics": "sections",
                 "sections": list(self.sections),

@@ -40,7 +40,7 @@ def make_command_shaper(config: Config) -> CommandShaper:
     config : Config
         The whole configuration.
     """
-    return CommandShaper(config.command_shaper, active=config.scheme.phase_lead)
+    return CommandShaper(config.command_shaper, config.run.time_step, active=config.scheme.phase_lead)
 
 
 def make_supervisor(config: Config) -> SafetySupervisor:

@@ -120,8 +120,8 @@ class Conductor:
         Δt [s].
     lockstep : bool
         A step begins when the one before has closed; otherwise at its time, by the clock.
-    most_misses : int
-        Steps in a row that may miss their deadline.
+    longest_miss : float
+        Time without a shear that was back in time that is tolerated [s].
     on_step : callable
         Gets every `Begun`.
     peers : collection of str
@@ -159,7 +159,7 @@ class Conductor:
         indicator: StabilityIndicator | None,
         time_step: float,
         lockstep: bool,
-        most_misses: int,
+        longest_miss: float,
         on_step: Callable[[Begun], None],
         peers: Collection[str] = (),
         recorder: str = "",
@@ -169,7 +169,7 @@ class Conductor:
         self._indicator = indicator
         self._time_step = time_step
         self._lockstep = lockstep
-        self._most_misses = most_misses
+        self._longest_miss = longest_miss
         self._on_step = on_step
         self._peers = frozenset(peers)
         self._recorder = recorder
@@ -181,7 +181,7 @@ class Conductor:
         self._numerical.reset()
         if self._indicator is not None:
             self._indicator.reset()
-        self.deadlines = DeadlineMonitor(len(self._ground), self._most_misses * self._time_step)
+        self.deadlines = DeadlineMonitor(len(self._ground), self._longest_miss)
         self.state = NodeState.WAITING
         self.outcome: Outcome | None = None
         self.reason = ""
@@ -335,8 +335,7 @@ class Conductor:
             return
         self.deadlines.expired(now)
         if self.deadlines.exhausted(now, self._due + self._time_step):
-            longest = self._most_misses * self._time_step
-            reason = f"deadlines in a row were missed for more than {longest:g} s, the last at step {self.step - 1}"
+            reason = f"deadlines in a row were missed for more than {self._longest_miss:g} s, the last at step {self.step - 1}"
             self.end(Outcome.FAILED, reason, now)
         else:
             self._begin(now)

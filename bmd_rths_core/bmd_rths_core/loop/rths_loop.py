@@ -81,7 +81,7 @@ class RthsLoop:
             self.stability_indicator,
             time_step,
             lockstep,
-            config.run.max_consecutive_misses,
+            config.run.longest_miss_time,
             self._on_step,
         )
 

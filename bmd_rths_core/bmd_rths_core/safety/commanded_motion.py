@@ -141,7 +141,7 @@ def braking_steps(velocity: float, config: SafetyConfig, time_step: float) -> in
     speed = abs(velocity)
     if speed == 0.0:
         return 0
-    duration = max(2.0 * speed / config.ramp_acceleration, math.sqrt(2.0 * math.pi * speed / config.ramp_jerk))
+    duration = max(2.0 * speed / config.braking_acceleration, math.sqrt(2.0 * math.pi * speed / config.ramp_jerk))
     return max(2, whole_steps(duration, time_step))
 
 

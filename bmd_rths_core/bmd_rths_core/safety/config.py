@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.safety.trips import ACTION_NAMES, Action
 
@@ -33,8 +34,24 @@ class SafetyConfig:
     displacement_action: str = parameter(
         "ramp",
         description="What happens when displacement_limit is passed; hold and ramp become an emergency stop where the "
-        "table itself has passed it, because then it does not follow the commands",
+        "table itself has passed it and does not follow the commands: it stands farther out than they have led it "
+        "within the last following_time, by more than following_tolerance",
         choices=ACTION_NAMES,
+    )
+    following_time: float = parameter(
+        0.05,
+        description="Longest lag of a table that follows its commands",
+        unit="s",
+        source="assumed: twice the delay of the table in Chen et al. 2020",
+        lower=0.0,
+        upper=1.0,
+    )
+    following_tolerance: float = parameter(
+        0.005,
+        description="How much farther out than its commands a table that follows them may stand",
+        unit="m",
+        source="assumed: 1 % of the stroke of Chen et al. 2020",
+        lower=0.0,
     )
     velocity_limit: float = _limit(
         1.0,
@@ -69,35 +86,37 @@ class SafetyConfig:
     )
     tracking_action: str = _action(Action.RAMP, "tracking_limit")
     tracking_time: float = _limit(0.5, "Time constant of the mean square of the tracking error", "s", "assumed")
-    stale_shear_limit: int = parameter(
-        20,
-        description="Most steps in a row without a command; the last one is held meanwhile",
-        unit="steps",
-        source="assumed: as run.max_consecutive_misses",
-        lower=0,
-        upper=100000,
+    stale_shear_time: float = parameter(
+        0.1,
+        description="Longest time without a command, in whole steps; the last one is held meanwhile",
+        unit="s",
+        source="assumed: as run.longest_miss_time",
+        lower=0.0,
+        upper=600.0,
     )
-    stale_shear_action: str = _action(Action.RAMP, "stale_shear_limit")
-    stale_controller_limit: int = parameter(
-        10,
-        description="Most steps in a row without a new measurement from the table controller",
-        unit="steps",
-        source="assumed: 50 ms at 200 Hz",
-        lower=0,
-        upper=100000,
+    stale_shear_action: str = _action(Action.RAMP, "stale_shear_time")
+    stale_controller_time: float = parameter(
+        0.05,
+        description="Longest time without a new measurement from the table controller, in whole steps",
+        unit="s",
+        source="assumed: 10 steps at 200 Hz",
+        lower=0.0,
+        upper=600.0,
     )
     stale_controller_action: str = _action(
-        Action.EMERGENCY_STOP, "stale_controller_limit", "a ramp cannot be trusted to a controller that is silent"
+        Action.EMERGENCY_STOP, "stale_controller_time", "a ramp cannot be trusted to a controller that is silent"
     )
-    stuck_limit: int = parameter(
-        100,
-        description="Most steps in a row in which a sensor that has worked keeps its value while the table is moved",
-        unit="steps",
-        source="assumed: 0.5 s at 200 Hz",
-        lower=1,
-        upper=100000,
+    stuck_time: float = parameter(
+        0.5,
+        description="Longest time in which a sensor that has worked keeps its value while the table is moved, in whole "
+        "steps; at least one",
+        unit="s",
+        source="assumed: 100 steps at 200 Hz",
+        lower=0.0,
+        lower_open=True,
+        upper=600.0,
     )
-    stuck_action: str = _action(Action.RAMP, "stuck_limit")
+    stuck_action: str = _action(Action.RAMP, "stuck_time")
     non_finite_action: str = parameter(
         "ramp",
         description="What happens when a command is not finite, or a sensor that was; it is never passed on",
@@ -115,12 +134,16 @@ class SafetyConfig:
     )
     stability_floor: float = _limit(
         60.0,
-        "Jerk of the numerical substructure below which growth is not judged, root mean square over its floors",
+        "Jerk of the numerical substructure, root mean square over its floors by their masses, at which growth counts "
+        "half; above it more, below it less, by the ratio of the squares, but never nothing",
         "m/s3",
         "docs/decisions/0009: above sensor noise",
     )
     ramp_acceleration: float = _limit(
-        5.0, "Largest acceleration while the table is braked and brought back", "m/s2", "assumed"
+        5.0,
+        "Largest acceleration while the table is braked and brought back; no more than acceleration_limit",
+        "m/s2",
+        "assumed",
     )
     ramp_jerk: float = _limit(
         500.0,
@@ -128,7 +151,9 @@ class SafetyConfig:
         "m/s3",
         "assumed: that of the commands in stable runs at 1 m/s2",
     )
-    ramp_velocity: float = _limit(0.2, "Largest velocity while the table is brought back", "m/s", "assumed")
+    ramp_velocity: float = _limit(
+        0.2, "Largest velocity while the table is brought back, not above velocity_limit", "m/s", "assumed"
+    )
     high_pass_frequency: float = _limit(
         0.314,
         "Corner frequency of the high-pass that keeps displacement commands from drifting",
@@ -137,8 +162,20 @@ class SafetyConfig:
     )
 
     def __post_init__(self) -> None:
-        """Check the values."""
+        """Check the values, and that the way to rest keeps the velocity limit."""
         check_parameters(self)
+        if self.ramp_velocity > self.velocity_limit and self.action("velocity") is not Action.IGNORE:
+            raise InputError(
+                f"safety.ramp_velocity: {self.ramp_velocity:g} m/s on the way to rest passes safety.velocity_limit; "
+                f"<= {self.velocity_limit:g} m/s is required"
+            )
+
+    @property
+    def braking_acceleration(self) -> float:
+        """Largest acceleration on the way to rest [m/s²]: that of the ramp, where the limit allows it."""
+        if self.action("acceleration") is Action.IGNORE:
+            return self.ramp_acceleration
+        return min(self.ramp_acceleration, self.acceleration_limit)
 
     def action(self, limit: str) -> Action:
         """Return the action of a limit.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.stuck_sensors import StuckSensorCheck
@@ -33,9 +34,6 @@ class MeasurementCheck:
         self._share = min(1.0, time_step / config.tracking_time)
         self._stuck_sensors = StuckSensorCheck(config, time_step)
         self._actions = {name: config.action(name) for name in ("displacement", "force", "tracking", "non_finite")}
-        if self._actions["displacement"] > Action.INDICATE:
-            # The table is not where the commands should have led it, so a ramp of commands cannot be trusted either.
-            self._actions["displacement"] = Action.EMERGENCY_STOP
         self.reset()
 
     def reset(self) -> None:
@@ -55,13 +53,15 @@ class MeasurementCheck:
         self._mean_square = tracking_mean_square
         self._seen = [True] * len(_SENSORS)
 
-    def step(self, measurement: TableMeasurement) -> list[Trip]:
+    def step(self, measurement: TableMeasurement, explains: Callable[[float], bool]) -> list[Trip]:
         """Return the limits that a measurement passes.
 
         Parameters
         ----------
         measurement : TableMeasurement
             Sensors at the end of a step.
+        explains : callable
+            Tells whether the commands explain a displacement of the table [m].
         """
         config, trips, step = self._config, [], measurement.step
         sensor = self._lost_sensor(measurement)
@@ -69,7 +69,7 @@ class MeasurementCheck:
             name, value = sensor
             trips.append(Trip("safety.non_finite_action", "", name, value, math.nan, step, self._actions["non_finite"]))
         if abs(measurement.table_displacement) > config.displacement_limit:
-            trips.append(self._trip("displacement", "m", "displacement", measurement.table_displacement, step))
+            trips.append(self._displacement_trip(measurement.table_displacement, step, explains))
         if abs(measurement.actuator_force) > config.force_limit:
             trips.append(self._trip("force", "N", "actuator force", measurement.actuator_force, step))
         error = measurement.applied_command - measurement.table_acceleration
@@ -95,6 +95,13 @@ class MeasurementCheck:
             elif self._seen[i] or math.isinf(value):
                 return _SENSORS[i], value
         return None
+
+    def _displacement_trip(self, displacement: float, step: int, explains: Callable[[float], bool]) -> Trip:
+        trip = self._trip("displacement", "m", "displacement", displacement, step)
+        if trip.action <= Action.INDICATE or explains(displacement):
+            return trip
+        # The table is not where the commands have led it, so a ramp of commands cannot be trusted either.
+        return trip._replace(quantity="displacement, elsewhere than commanded,", action=Action.EMERGENCY_STOP)
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
         allowed = getattr(self._config, f"{limit}_limit")

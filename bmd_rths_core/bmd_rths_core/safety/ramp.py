@@ -109,7 +109,7 @@ def _returning_steps(displacement: float, config: SafetyConfig, time_step: float
         return 0
     duration = max(
         2.0 * distance / config.ramp_velocity,
-        math.sqrt(2.0 * math.pi * distance / config.ramp_acceleration),
+        math.sqrt(2.0 * math.pi * distance / config.braking_acceleration),
         math.pow(4.0 * math.pi**2 * distance / config.ramp_jerk, 1.0 / 3.0),
     )
     return max(4, whole_steps(duration, time_step) + 1)

@@ -7,6 +7,7 @@ import math
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import most_steps
 
 #: A table counts as moved while the mean square of the command (1 s) is above the square of this [m/s²]: more than
 #: the resolution of any sensor.
@@ -34,7 +35,9 @@ class StuckSensorCheck:
     """
 
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
-        self._limit = config.stuck_limit
+        self._limit = config.stuck_time
+        self._tolerated = most_steps(config.stuck_time, time_step)
+        self._time_step = time_step
         self._action = config.action("stuck")
         self._share = min(1.0, time_step / _MEAN_TIME)
         self.reset()
@@ -69,10 +72,11 @@ class StuckSensorCheck:
                     self._same[i] += 1
         self._last = values
         longest = max(self._same)
-        return [self._trip(self._same.index(longest), measurement)] if longest > self._limit else []
+        return [self._trip(self._same.index(longest), measurement)] if longest > self._tolerated else []
 
     def _trip(self, sensor: int, measurement: TableMeasurement) -> Trip:
         floor = 1 + sensor - len(_SENSORS)
         name = f"acceleration of floor {floor}" if floor > 0 else _SENSORS[sensor]
-        quantity, steps = f"steps in which the {name} stayed {self._last[sensor]:.6g}:", self._same[sensor]
-        return Trip("safety.stuck_limit", "steps", quantity, steps, self._limit, measurement.step, self._action)
+        quantity = f"time in which the {name} stayed {self._last[sensor]:.6g}:"
+        time = self._same[sensor] * self._time_step
+        return Trip("safety.stuck_time", "s", quantity, time, self._limit, measurement.step, self._action)

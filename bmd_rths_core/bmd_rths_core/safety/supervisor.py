@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import Enum
+from functools import partial
 
 from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
 from bmd_rths_core.safety.config import SafetyConfig
+from bmd_rths_core.safety.following import FollowingCheck
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
 from bmd_rths_core.safety.settling import Settling
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_core.time_steps import most_steps
 
 #: Time constant of the mean difference between measured and commanded displacement [s].
 OFFSET_TIME = 1.0
@@ -76,7 +79,10 @@ class SafetySupervisor:
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
         self._settling = Settling(time_step)
+        self._following = FollowingCheck(config, time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
+        self._silent_steps = most_steps(config.stale_shear_time, time_step)
+        self._unheard_steps = most_steps(config.stale_controller_time, time_step)
         self._offset_share = min(1.0, time_step / OFFSET_TIME)
         self.reset()
 
@@ -96,8 +102,11 @@ class SafetySupervisor:
         self._corrections = 0
         self._settling.reset()
         self._measurement_check.reset()
+        self._following.reset()
 
-    def resume(self, step: int, motion: Motion, offset: float, tracking_mean_square: float) -> None:
+    def resume(
+        self, step: int, motion: Motion, offset: float, tracking_mean_square: float, past: Sequence[float]
+    ) -> None:
         """Take up a test in the middle, none of whose limits was passed and none of whose sensors was lost.
 
         Parameters
@@ -110,8 +119,11 @@ class SafetySupervisor:
             Slow difference of the measured displacement to it [m].
         tracking_mean_square : float
             Mean square of the tracking error [m²/s⁴].
+        past : sequence of float
+            Displacements of the integral before the last step, the newest last [m]; as many as `following_time` has.
         """
         self.reset()
+        self._following.reset(past)
         self._motion, self._offset = motion, offset
         self._last_step = self._last_measured = step - 1
         self._measurement_check.resume(tracking_mean_square)
@@ -235,7 +247,9 @@ class SafetySupervisor:
             self._settling.observe(measurement.step, measurement.table_displacement)
             difference = measurement.table_displacement - self._motion.displacement
             self._offset += self._offset_share * (difference - self._offset)
-        self.record(self._measurement_check.step(measurement))
+        self.record(
+            self._measurement_check.step(measurement, partial(self._following.explains, self._motion.displacement))
+        )
 
     def record(self, trips: Iterable[Trip]) -> None:
         """Take note of passed limits and begin what they ask for; each limit counts once until `reset` for an action.
@@ -333,10 +347,12 @@ class SafetySupervisor:
     def _hold(self, late: float) -> None:
         """Follow the table while it has held the last command for longer than Δt, or for a shorter time."""
         if late:
+            self._following.note(self._motion, self._whole_steps(late))
             self._motion = self._motion.after(self._motion.acceleration, late)
 
     def _send(self, command: float) -> TableCommand:
         self._last_step += 1
+        self._following.note(self._motion)
         self._replaced = self._motion.acceleration
         self._motion = self._motion.after(command, self._time_step)
         return TableCommand(self._last_step, command)
@@ -367,8 +383,9 @@ class SafetySupervisor:
         stale = self._stale_shear(step, silent)
         if stale is not None:
             trips.append(stale)
-        if unheard > config.stale_controller_limit:
-            trips.append(self._trip("stale_controller", "steps", "steps without a measurement", unheard, step))
+        if unheard > self._unheard_steps:
+            time = unheard * self._time_step
+            trips.append(self._trip("stale_controller", "s", "time without a measurement", time, step))
         if not math.isfinite(command):
             trips.append(
                 Trip("safety.non_finite_action", "", "command", command, math.nan, step, self._actions["non_finite"])
@@ -395,13 +412,14 @@ class SafetySupervisor:
 
     def _stale_shear(self, step: int, silent: float) -> Trip | None:
         steps = self._whole_steps(silent)
-        if steps <= self._config.stale_shear_limit or self._actions["stale_shear"] is Action.IGNORE:
+        if steps <= self._silent_steps or self._actions["stale_shear"] is Action.IGNORE:
             return None
-        return self._trip("stale_shear", "steps", "steps without a command", steps, step)
+        return self._trip("stale_shear", "s", "time without a command", steps * self._time_step, step)
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
-        allowed = getattr(self._config, f"{limit}_limit")
-        return Trip(f"safety.{limit}_limit", unit, quantity, value, allowed, step, self._actions[limit])
+        key = f"{limit}_time" if unit == "s" else f"{limit}_limit"
+        allowed = getattr(self._config, key)
+        return Trip(f"safety.{key}", unit, quantity, value, allowed, step, self._actions[limit])
 
 
 _COMMAND_LIMITS = (

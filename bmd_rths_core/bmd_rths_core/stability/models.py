@@ -289,7 +289,7 @@ def phase_lead_compensator(config: CommandShaperConfig, time_step: float) -> Dis
     Parameters
     ----------
     config : CommandShaperConfig
-        Weights and delay constant.
+        Weights and lead time.
     time_step : float
         Δt [s].
 
@@ -297,7 +297,7 @@ def phase_lead_compensator(config: CommandShaperConfig, time_step: float) -> Dis
     -------
     DiscreteCompensator
     """
-    return DiscreteCompensator(*transfer_function(config), time_step)
+    return DiscreteCompensator(*transfer_function(config, time_step), time_step)
 
 
 def first_effective_mass(building: ShearBuilding) -> float:

@@ -125,7 +125,7 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     # A ramp does not hurt the specimen, and a controller whose answers are lost may hear the commands all the same.
     supervisor = make_supervisor(config.changed(safety__stale_controller_action=Action.RAMP.name.lower()))
     # Late answers are data as good as any: no loop waits for them.
-    patience = config.run.time_step * config.safety.stale_controller_limit
+    patience = config.safety.stale_controller_time
     table = make_patient_table_controller(
         config.changed(table__answer_timeout=max(patience, config.table.answer_timeout))
     )

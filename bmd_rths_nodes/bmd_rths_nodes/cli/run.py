@@ -25,7 +25,7 @@ from bmd_rths_nodes.run.monitor import RunMonitor
 _TOO_SLOW = (
     "{} deadlines were missed, at most {} in a row{}. "
     "This computer, or the table controller, did not keep up with the time step. Ending other work, --composed or a "
-    "longer run.time_step help; run.max_consecutive_misses and safety.stale_shear_limit say how long the loop waits."
+    "longer run.time_step help; run.longest_miss_time and safety.stale_shear_time say how long the loop waits."
 )
 
 

@@ -50,7 +50,7 @@ class NumericalSubstructureNode(StageNode):
             self._stability_indicator,
             config.run.time_step,
             config.run.lockstep,
-            config.run.max_consecutive_misses,
+            config.run.longest_miss_time,
             self._on_step,
             peers={role for role in ROLES if role != self.ROLE and (role != RECORDER or config.run.record)},
             recorder=RECORDER if config.run.record else "",
