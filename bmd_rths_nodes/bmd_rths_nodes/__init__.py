@@ -5,7 +5,3 @@ import os
 # Before numpy is imported, for every program of this package: the matrices are small, and on a busy machine the threads
 # of the linear algebra wait for each other longer than they compute.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-# Before rclpy makes a participant: the shared memory of Fast DDS may hold a publisher up for a third of a second, when
-# it opens the port of a process that has been idle (docs/decisions/0004).
-os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

@@ -20,6 +20,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 
 from bmd_rths_nodes.cli.main import main
+from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
@@ -33,7 +34,11 @@ def domain(monkeypatch):
     """Give the test a ROS domain of its own, on this machine only, whoever else runs these tests at the same time."""
     with _free_domain() as number:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        monkeypatch.setenv(RANGE, "LOCALHOST")
+        for name in (PROFILES, TRANSPORTS):
+            monkeypatch.setenv(name, "")  # so that it is put back in the end
+            monkeypatch.delenv(name)
+        prepare_middleware()  # for the nodes of this process too
         yield number
 
 
@@ -146,7 +151,7 @@ def composed_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("composed")
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", folder, "--json")
     with _free_domain() as number:
-        own = {"ROS_DOMAIN_ID": str(number), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        own = {"ROS_DOMAIN_ID": str(number), RANGE: "LOCALHOST"}
         command = ["-m", "bmd_rths_nodes.cli.main", "run", *(str(a) for a in (CONFIG, *arguments))]
         child = Child(folder, command, {**os.environ, **own})
         try:

@@ -20,7 +20,9 @@ from rclpy.signals import SignalHandlerOptions
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
+from bmd_rths_nodes.ros.middleware import prepare_middleware
 from bmd_rths_nodes.ros.stage_node import StageNode
+from bmd_rths_nodes.ros.warm_up import warm_up
 
 #: A wait in the middleware ends up to this late [s]; the rest is waited for by looking at the clock.
 WAKE_UP_MARGIN = 0.0003
@@ -49,10 +51,11 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     """
     ending = Ending()
     try:
+        prepare_middleware()
         rclpy.init(
             args=list(arguments) if arguments is not None else None, signal_handler_options=SignalHandlerOptions.NO
         )
-    except (rclpy_implementation.RCLError, ROSInterruptException) as error:
+    except (InputError, rclpy_implementation.RCLError, ROSInterruptException) as error:
         return _refuse(str(error))
     nodes: list[StageNode] = []
     intra_process = IntraProcess([node_type.ROLE for node_type in node_types])
@@ -65,6 +68,7 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
             problem = _autostart(node)
             if problem:
                 return _refuse(problem)
+        warm_up()
         # What lives now lives to the end; the collector need not look at it during a step.
         gc.collect()
         gc.freeze()

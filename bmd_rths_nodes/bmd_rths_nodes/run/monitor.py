@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from bmd_rths_msgs_py.topics import NAMESPACE, ROLES, TABLE_DRIVER
 from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.middleware import prepare_middleware
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP, TriggerClients
 
@@ -47,6 +48,7 @@ class RunMonitor:
     def __enter__(self) -> RunMonitor:
         """Start listening."""
         self._begin = time.perf_counter()
+        prepare_middleware()
         # No arguments: the command line is not one of ROS.
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node(f"rths_monitor_{os.getpid()}", enable_rosout=False, start_parameter_services=False)

@@ -1,0 +1,20 @@
+"""An ordinary reader, as `ros2 topic echo` is one: it comes, hears some commands, says how many, and goes."""
+
+import sys
+import time
+
+import rclpy
+from geometry_msgs.msg import AccelStamped
+
+ENOUGH, PATIENCE = 20, 12.0
+
+heard = []
+rclpy.init()
+node = rclpy.create_node("visitor")
+node.create_subscription(AccelStamped, "/rths/command", heard.append, 10)
+give_up = time.monotonic() + PATIENCE
+while len(heard) < ENOUGH and time.monotonic() < give_up:
+    rclpy.spin_once(node, timeout_sec=0.1)
+node.destroy_node()
+rclpy.shutdown()
+sys.exit(0 if len(heard) >= ENOUGH else f"heard {len(heard)} commands in {PATIENCE:g} s")
