@@ -7,14 +7,18 @@ import sys
 
 from rclpy.impl.rcutils_logger import CallerId
 
+#: Packages that log.
+_PACKAGES = ("bmd_rths_nodes", "rclpy", "__main__")
+
 
 def warm_up() -> None:
-    """Do once what the first log call would do: rclpy looks through every module, and reads the file of the caller."""
-    CallerId()  # the search, without a message
+    """Do, without a message, what the first log call would do.
+
+    To name the caller, rclpy has `inspect` look through every module of the process, and read the file of the caller:
+    20 to 290 ms, which a table that was just stopped would have no command for.
+    """
+    CallerId()
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if file and name.partition(".")[0] in ("__main__", *_PACKAGES):
+        if file is not None and name.partition(".")[0] in _PACKAGES:
             linecache.getlines(file)
-
-
-_PACKAGES = ("bmd_rths_nodes", "rclpy")

@@ -1,0 +1,31 @@
+"""Time the first log calls in the spin loop of a node, as its own processor time; with "cold", without the warm-up."""
+
+import os
+import signal
+import sys
+import time
+
+from bmd_rths_nodes.nodes.command_shaper import CommandShaperNode
+from bmd_rths_nodes.ros import spin
+
+if sys.argv[1] == "cold":
+    spin.warm_up = lambda: None
+
+
+class TimedNode(CommandShaperNode):
+    """A node that logs at its hundredth look."""
+
+    looks = 0
+
+    def poll(self, now):
+        self.looks += 1
+        if self.looks == 100:
+            for _ in range(3):
+                begin = time.thread_time()
+                self.get_logger().error("table is stopped")
+                print(time.thread_time() - begin, flush=True)
+            os.kill(os.getpid(), signal.SIGINT)
+        return min(super().poll(now), now + 0.001)
+
+
+sys.exit(spin.run_nodes([TimedNode], ["--ros-args", "-p", "run.record:=false"]))

@@ -1,0 +1,20 @@
+"""Nothing that is slow only the first time runs between two commands."""
+
+from pathlib import Path
+
+#: Processor time a log call may take [s]; a step has 5 ms.
+ALLOWED = 0.002
+
+
+def test_the_first_log_call_does_not_stall_the_loop(start):
+    script = Path(__file__).with_name("first_log_call.py")
+    first = {}
+    for kind in ("cold", "warm"):
+        result = start(script, kind).wait()
+        assert result.status == 0, result.errors
+        assert result.errors.count("table is stopped") == 3, result.errors  # the warm-up itself says nothing
+        assert len(result.errors.splitlines()) == 3, result.errors
+        first[kind], *further = [float(line) for line in result.output.split()]
+        assert max(further) < ALLOWED, kind
+    assert first["warm"] < ALLOWED
+    assert first["cold"] > 4.0 * ALLOWED  # otherwise rclpy has mended it, and the warm-up can go
