@@ -310,7 +310,7 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
     """Every state between unconfigured and active is told, often, without harm while other nodes tell theirs."""
     talkative = (
         "import sys; from bmd_rths_nodes.ros import stage_node; stage_node.STATUS_PERIOD = 0.05; "
-        f"from bmd_rths_nodes.{role}_node import main; sys.exit(main())"
+        f"from bmd_rths_nodes.nodes.{role} import main; sys.exit(main())"
     )
     child = start(
         *("-c", talkative, "--ros-args"),
