@@ -1,4 +1,4 @@
-"""An ordinary reader, as `ros2 topic echo` is one: it comes, hears some commands, says how many, and goes."""
+"""An ordinary tool comes and goes: a reader of commands as `ros2 topic echo`, or "idle" as `ros2 node list`."""
 
 import sys
 import time
@@ -11,6 +11,9 @@ ENOUGH, PATIENCE = 20, 12.0
 heard = []
 rclpy.init()
 node = rclpy.create_node("visitor")
+if "idle" in sys.argv:  # it reads nothing, so that whoever sends it something may have to wait
+    time.sleep(1.5)
+    sys.exit(0 if node.get_node_names() else "found nobody")
 node.create_subscription(AccelStamped, "/rths/command", heard.append, 10)
 give_up = time.monotonic() + PATIENCE
 while len(heard) < ENOUGH and time.monotonic() < give_up:
