@@ -69,7 +69,7 @@ def test_the_contracts_hold():
             "bmd_rths_core.safety.config -> bmd_rths_core",
         ),
         ("bmd_rths_msgs_py.cdr", "from rclpy.time import Time", "bmd_rths_msgs_py is not allowed to import rclpy"),
-        ("bmd_rths_nodes.nodes.composed_loop", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
+        ("bmd_rths_nodes.run.follower", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
         ("bmd_rths_nodes.ros.spin", "import numpy as np", "bmd_rths_nodes is not allowed to import numpy"),
     ],
 )

@@ -335,7 +335,8 @@ class Conductor:
             return
         self.deadlines.expired(now)
         if self.deadlines.exhausted(now, self._due + self._time_step):
-            reason = f"deadlines in a row were missed for more than {self._longest_miss:g} s, the last at step {self.step - 1}"
+            longest = f"{self._longest_miss:g} s"
+            reason = f"deadlines in a row were missed for more than {longest}, the last at step {self.step - 1}"
             self.end(Outcome.FAILED, reason, now)
         else:
             self._begin(now)

@@ -224,8 +224,8 @@ class TableDriverNode(StageNode):
         if (driver.state, driver.reason) != self._told:
             self._told = (driver.state, driver.reason)
             if driver.outcome is not None:
-                self.log_later(f"table is stopped: {driver.reason}", "error")
                 level = status.WARN if driver.outcome is Outcome.STOPPED else status.ERROR
+                self.log_later(f"table is stopped: {driver.reason}", level)
                 self.set_state(NodeState.TRIPPED, driver.reason, level)
             elif driver.state is DriveState.RETURNING:
                 self.set_state(NodeState.ENDED, "bringing the table to rest")

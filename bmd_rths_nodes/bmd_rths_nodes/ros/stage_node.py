@@ -33,9 +33,8 @@ from bmd_rths_nodes.ros.status import NodeStatus
 PREPARATION_PERIOD = 0.1
 STATUS_PERIOD = 1.0
 
-#: In real time, the time from the start of a node until it can be ready [s]. A process that is discovered while a test
-#: runs, such as an idle ros2 daemon, may hold up every publisher of this one for a third of a second; what is there is
-#: discovered by then, because Fast DDS repeats its announcements every 3 s (docs/decisions/0004).
+#: In real time with a real table, the time from the start of its driver until it can be ready [s]: whoever else
+#: publishes to it is discovered by then, because Fast DDS repeats its announcements every 3 s (docs/decisions/0004).
 SETTLING_TIME = 3.5
 
 #: How often a node looks whether somebody else publishes what it listens to [s].
@@ -76,7 +75,7 @@ class StageNode(LifecycleNode, ABC):
         )
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.problem = ""
-        self.to_log: list[tuple[str, str]] = []
+        self.to_log: list[tuple[bytes, str]] = []
         self.state = NodeState.INACTIVE
         self.level = status.OK
         self.note = ""
@@ -84,7 +83,9 @@ class StageNode(LifecycleNode, ABC):
         self._publishers_of: list[tuple[Topic, Publisher]] = []
         self._subscriptions_of: list[Subscription] = []
         self._inputs: list[tuple[str, Callable[[], int]]] = []
-        self._settled_at = 0.0 if self.config.run.lockstep else time.perf_counter() + SETTLING_TIME
+        # Nodes that have no section of the table see the default, which is simulated.
+        at_once = self.config.run.lockstep or self.config.table.controller == "simulated"
+        self._settled_at = 0.0 if at_once else time.perf_counter() + SETTLING_TIME
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
         self._last_words = False
@@ -216,9 +217,9 @@ class StageNode(LifecycleNode, ABC):
         self._intra_process.tell_status(self.ROLE, self._status(self.urgent_values()))
         self.publish_status()
 
-    def log_later(self, text: str, severity: str = "info") -> None:
+    def log_later(self, text: str, level: bytes = status.OK) -> None:
         """Log a line when no node of this process drives a test or a table: a log call may stall it."""
-        self.to_log.append((severity, text))
+        self.to_log.append((level, text))
 
     @property
     def drives(self) -> bool:
@@ -228,8 +229,13 @@ class StageNode(LifecycleNode, ABC):
     def flush_log(self) -> None:
         """Log what was kept back."""
         while self.to_log:
-            severity, text = self.to_log.pop(0)
-            getattr(self.get_logger(), severity)(text)
+            level, text = self.to_log.pop(0)
+            if level == status.OK:
+                self.get_logger().info(text)
+            elif level == status.WARN:
+                self.get_logger().warning(text)
+            else:
+                self.get_logger().error(text)
 
     def expect_a_new_test(self) -> None:
         """Look for the peers, and begin at step 0."""
@@ -397,7 +403,7 @@ class StageNode(LifecycleNode, ABC):
     def _count_malformed(self, topic: Topic, problem: str) -> None:
         self.malformed += 1
         if self.malformed == 1:
-            self.log_later(f"{topic.name}: message dropped: {problem}; further ones are only counted", "warning")
+            self.log_later(f"{topic.name}: message dropped: {problem}; further ones are only counted", status.WARN)
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         if self.configured:
