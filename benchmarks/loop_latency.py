@@ -33,9 +33,10 @@ from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import scale_time
 from bmd_rths_core.loop import build
-from bmd_rths_core.loop.deadlines import DeadlineMonitor
+from bmd_rths_core.loop.conductor import Begun, Conductor
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.table.controller import TableCommand
+from bmd_rths_core.loop.table_driver import TableDriver
+from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py import topics
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
 
@@ -100,15 +101,16 @@ def codec_of(topic: topics.Topic, config: Config) -> Any:
 def make_step(role: str, config: Config) -> Callable[..., Any]:
     """Return what a role does with the step index and the values of its topics."""
     if role == topics.TABLE_DRIVER:
+        measured: list[TableMeasurement] = []
         supervisor, table = build.make_supervisor(config), build.make_table_controller(config)
-        table.connect()
+        driver = TableDriver(table, supervisor, config.run.time_step, lockstep=True, on_measurement=measured.append)
+        driver.arm()
 
         def exchange(step: int, command: float) -> Any:
-            if not supervisor.check(step, command):
-                raise RuntimeError(supervisor.reason)
-            measurement = table.exchange(TableCommand(step, command))
-            supervisor.observe(measurement)
-            return measurement
+            driver.command(step, command, 0.0)
+            if not measured:
+                raise RuntimeError(driver.reason)
+            return measured.pop()
 
         return exchange
     stage = getattr(build, f"make_{role}")(config)
@@ -158,12 +160,9 @@ def ring(config: Config) -> Iterator[dict[str, tuple[socket.socket, socket.socke
 
 
 def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep: bool) -> dict[str, Any]:
-    """Run the ring once, the numerical substructure as its node does; the result must be that of `RthsLoop`."""
-    clock, time_step, time_step_ns = time.perf_counter, config.run.time_step, config.run.time_step_ns
-    stage = build.make_numerical_substructure(config)
-    deadlines = DeadlineMonitor(motion.steps, config.run.longest_miss_time)
+    """Run the ring once, the conductor in this process; the result must be that of `RthsLoop`."""
+    clock, time_step_ns = time.perf_counter, config.run.time_step_ns
     corrected = np.full(motion.steps, np.nan)
-    steps, feedback = 0, 0.0
     unpack = codec_of(topics.CORRECTED_FORCE, config).unpack
     pack_desired = codec_of(topics.DESIRED_ACCELERATION, config).pack
     pack_required = codec_of(topics.REQUIRED_FORCE, config).pack
@@ -171,36 +170,30 @@ def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep
         reader = channels[topics.CORRECTED_FORCE.name][0]
         send_desired = channels[topics.DESIRED_ACCELERATION.name][1].send
         send_required = channels[topics.REQUIRED_FORCE.name][1].send
+
+        def on_step(begun: Begun) -> None:
+            send_desired(pack_desired(begun.step * time_step_ns, begun.desired_acceleration))
+            send_required(pack_required(begun.step * time_step_ns, begun.required_force))
+
+        conductor = Conductor(
+            motion.acceleration.tolist(),
+            build.make_numerical_substructure(config),
+            build.make_stability_indicator(config),
+            config.run.time_step,
+            lockstep,
+            config.run.longest_miss_time,
+            on_step,
+        )
         gc.collect()
         gc.freeze()
-        due = clock()
-        for step, ground_acceleration in enumerate(motion.acceleration.tolist()):
-            deadlines.expired()
-            if deadlines.exhausted:
-                break
-            if not lockstep and clock() - due > time_step:
-                due = clock()  # steps are never run in a burst
-            response = stage.step(ground_acceleration, feedback)
-            now = clock()
-            deadlines.opened(step, now)
-            steps = step + 1
-            due = now + TIMEOUT if lockstep else due + time_step
-            send_desired(pack_desired(step * time_step_ns, response.desired_acceleration))
-            send_required(pack_required(step * time_step_ns, response.required_force))
-            while (wait := due - clock()) > WAKE_UP_MARGIN:
-                if select.select([reader], [], [], wait - WAKE_UP_MARGIN)[0]:
-                    stamp, force = unpack(reader.recv(4096))
-                    if deadlines.closed(stamp // time_step_ns, clock()):
-                        feedback = corrected[step] = force
-                        if lockstep:
-                            break
-            else:
-                if lockstep:
-                    raise click.ClickException(f"UDP ring: step {step} did not close within {TIMEOUT:g} s")
-                while clock() < due:
-                    pass
-        deadlines.expired()
+        while conductor.outcome is None:
+            wait = conductor.poll(clock()) - clock() - WAKE_UP_MARGIN
+            if select.select([reader], [], [], min(max(0.0, wait), TIMEOUT))[0]:
+                stamp, force = unpack(reader.recv(4096))
+                corrected[stamp // time_step_ns] = force
+                conductor.shear(stamp // time_step_ns, force, clock())
         gc.unfreeze()
+    deadlines, steps = conductor.deadlines, conductor.step
     timing = deadlines.statistics()
     comparable = timing.missed_steps[0] if timing.missed_steps else motion.steps  # then an old shear was held
     assert np.array_equal(corrected[:comparable], expected[:comparable]), "the ring does not compute what RthsLoop does"
@@ -208,7 +201,7 @@ def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep
         "closure_ms": dict(timing.closure_ms),
         "missed_deadlines": timing.missed_deadlines,
         "steps": steps,
-        "outcome": "finished" if steps == motion.steps else "failed",
+        "outcome": str(conductor.outcome),
     }
 
 

@@ -64,6 +64,15 @@ class RunConfig:
         lower=0.0,
         upper=600.0,
     )
+    settling_time: float = parameter(
+        3.5,
+        description="Shortest time from the start of the driver of a real table until it is ready in real time: whoever "
+        "else publishes to it is discovered by then",
+        unit="s",
+        source="docs/decisions/0004: Fast DDS repeats its announcements every 3 s",
+        lower=0.0,
+        upper=60.0,
+    )
     preflight: str = parameter(
         "enforce",
         description="What `bmd-rths run` does before a test whose prediction passes a limit or is not stable: enforce "

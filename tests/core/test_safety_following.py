@@ -12,6 +12,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety import Action, SafetyConfig, SafetySupervisor, State
 from bmd_rths_core.safety.commanded_motion import REST, Motion
 from bmd_rths_core.safety.following import FollowingCheck
+from bmd_rths_core.safety.ramp import ramp_commands
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
@@ -147,13 +148,17 @@ def test_held_command_is_remembered_step_by_step(steps):
 # ---- the way to rest keeps the limits
 
 
-@pytest.mark.parametrize(("name", "unit"), [("velocity", "m/s"), ("acceleration", "m/s2")])
-def test_way_to_rest_that_would_pass_a_limit_is_refused(name, unit):
+def test_way_to_rest_that_would_pass_the_velocity_limit_is_refused():
     with pytest.raises(InputError) as error:
-        SafetyConfig(**{f"{name}_limit": 0.1, f"ramp_{name}": 0.15})
-    problem = (
-        f"safety.ramp_{name}: 0.15 {unit} on the way to rest passes safety.{name}_limit; <= 0.1 {unit} is required"
-    )
+        SafetyConfig(velocity_limit=0.1, ramp_velocity=0.15)
+    problem = "safety.ramp_velocity: 0.15 m/s on the way to rest passes safety.velocity_limit; <= 0.1 m/s is required"
     assert str(error.value) == problem
-    SafetyConfig(**{f"{name}_limit": 0.15, f"ramp_{name}": 0.15})
-    SafetyConfig(**{f"{name}_limit": 0.1, f"ramp_{name}": 0.15, f"{name}_action": "ignore"})
+    SafetyConfig(velocity_limit=0.15, ramp_velocity=0.15)
+    SafetyConfig(velocity_limit=0.1, ramp_velocity=0.15, velocity_action="ignore")
+
+
+def test_way_to_rest_keeps_the_acceleration_limit():
+    config = SafetyConfig(acceleration_limit=0.5, ramp_acceleration=5.0)
+    commands = ramp_commands(Motion(0.1, 0.2, 0.4), config, DT)
+    assert 0.45 < np.abs(commands).max() <= 0.5
+    assert SafetyConfig(acceleration_limit=0.5, acceleration_action="ignore").braking_acceleration == 5.0

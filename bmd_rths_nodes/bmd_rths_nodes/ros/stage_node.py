@@ -33,10 +33,6 @@ from bmd_rths_nodes.ros.status import NodeStatus
 PREPARATION_PERIOD = 0.1
 STATUS_PERIOD = 1.0
 
-#: In real time with a real table, the time from the start of its driver until it can be ready [s]: whoever else
-#: publishes to it is discovered by then, because Fast DDS repeats its announcements every 3 s (docs/decisions/0004).
-SETTLING_TIME = 3.5
-
 #: How often a node looks whether somebody else publishes what it listens to [s].
 LOOK_PERIOD = 0.1
 
@@ -85,7 +81,7 @@ class StageNode(LifecycleNode, ABC):
         self._inputs: list[tuple[str, Callable[[], int]]] = []
         # Nodes that have no section of the table see the default, which is simulated.
         at_once = self.config.run.lockstep or self.config.table.controller == "simulated"
-        self._settled_at = 0.0 if at_once else time.perf_counter() + SETTLING_TIME
+        self._settled_at = 0.0 if at_once else time.perf_counter() + self.config.run.settling_time
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
         self._last_words = False

@@ -1,0 +1,184 @@
+"""By the clock, at the far end of the wire: when commands arrive at a controller on UDP, and where they lead a table.
+
+Every test runs the product as a person starts it, in real time, against a controller in this process that notes when
+the kernel got each packet. On a busy machine commands come late; the table has to end at rest all the same.
+"""
+
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.config import Config
+from bmd_rths_core.table.wire import Kind
+from tests.clock.arrivals import ArrivalController, held, periods
+from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
+
+DT = Config().run.time_step
+
+#: The rigid table of the controller follows at once: without compensation the loop is stable on it.
+RUN = ("--scheme", "uc", "--override-preflight", "--json")
+
+#: Limits that a machine busy with other tests does not pass by being late.
+PATIENT = ("run.longest_miss_time=2.0", "safety.stale_shear_time=0.5", "safety.stale_controller_time=2.0")
+
+
+def settings(*pairs):
+    return [word for pair in (*PATIENT, "run.settling_time=0.0", *pairs) for word in ("--set", pair)]
+
+
+def run(bmd_rths, controller, *arguments, set_=(), duration=2.0):
+    """Start a test against the controller."""
+    pairs = (f"ground_motion.duration={duration}", *set_)
+    return bmd_rths("run", CONFIG, "--table", controller.address, *RUN, *settings(*pairs), *arguments)
+
+
+def at_rest(controller):
+    """Check where the commands, each held until the next one arrived, have led the table; return its motion."""
+    motion = held(controller.commands)
+    assert abs(motion.velocity) < 1e-3
+    assert abs(motion.displacement) < 1e-3
+    assert motion.largest_displacement < Config().safety.displacement_limit
+    assert motion.largest_velocity < Config().safety.velocity_limit
+    return motion
+
+
+def never_in_bursts(controller):
+    assert periods(controller.commands).min() > 0.2 * DT
+
+
+@pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
+@pytest.mark.parametrize("answer_after", [0.5e-3, 4e-3])
+def test_ordinary_end(bmd_rths, mode, answer_after):
+    with ArrivalController(answer_after) as controller:
+        result = run(bmd_rths, controller, *mode).wait()
+        assert result.status == 0, result.errors
+        told = json.loads(result.output)
+        assert told["outcome"] == "finished"
+        at_rest(controller)
+        never_in_bursts(controller)
+        assert np.median(periods(controller.commands)) == pytest.approx(DT, abs=0.1 * DT)
+        steps = [arrival.step for arrival in controller.commands]
+        assert steps == sorted(set(steps))
+        assert [a.kind for a in controller.arrivals if a.kind in (Kind.STOP, Kind.EMERGENCY_STOP)] == [Kind.STOP]
+
+
+@pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
+def test_ctrl_c(bmd_rths, mode):
+    with ArrivalController(2e-3) as controller:
+        child = run(bmd_rths, controller, *mode, duration=20.0)
+        wait_until(lambda: len(controller.commands) > 300)
+        child.interrupt()
+        result = child.wait()
+        assert result.status == 1, result.errors
+        assert json.loads(result.output)["outcome"] == "stopped"
+        assert at_rest(controller).largest_displacement > 1e-3
+        never_in_bursts(controller)
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ("safety.acceleration_limit=0.8", "safety.acceleration_limit [m/s2] passed"),
+        ("safety.stability_limit=0.0001", "safety.stability_limit [1] passed"),
+    ],
+)
+def test_trip(bmd_rths, limit, told):
+    """In the driver, where braking begins in the place of the refused command, and in the numerical substructure."""
+    with ArrivalController(2e-3) as controller:
+        result = run(bmd_rths, controller, "--composed", set_=(limit,), duration=5.0).wait()
+        assert result.status == 1, result.errors
+        outcome = json.loads(result.output)
+        assert outcome["outcome"] == "limit"
+        assert told in outcome["reason"]
+        at_rest(controller)
+        never_in_bursts(controller)
+        way = [arrival.step for arrival in controller.commands]
+        assert way == list(range(len(way)))  # the first command on the way to rest has the step of the refused one
+
+
+@pytest.mark.parametrize("stall", [0.05, 0.3])
+@pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
+def test_stall_of_the_process_that_drives_the_table(bmd_rths, domain, mode, stall):
+    """The last command is held meanwhile: the table ends at rest only if that time is counted."""
+    name = "composed_loop" if mode else "table_driver"
+    with ArrivalController(2e-3) as controller:
+        child = run(bmd_rths, controller, *mode, duration=4.0, set_=("safety.stale_shear_time=0.1",))
+        wait_until(lambda: len(controller.commands) > 300)
+        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if f"nodes.{name}" in command)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(stall)
+        os.kill(pid, signal.SIGCONT)
+        child.wait()
+        motion = held(controller.commands)
+        assert abs(motion.velocity) < 1e-3
+        assert abs(motion.displacement) < 1e-3
+        assert periods(controller.commands).max() > 0.9 * stall
+        never_in_bursts(controller)
+
+
+def test_stall_on_the_way_to_rest(bmd_rths, domain):
+    """What the table did meanwhile is planned for anew, and not caught up with in a burst."""
+    with ArrivalController(2e-3) as controller:
+        slow = ("safety.ramp_velocity=0.01",)
+        child = run(bmd_rths, controller, "--composed", duration=20.0, set_=slow)
+        wait_until(lambda: len(controller.commands) > 300)
+        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if "composed_loop" in command)
+        child.interrupt()
+        child.wait_for_words("stopping")
+        time.sleep(0.1)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.4)
+        os.kill(pid, signal.SIGCONT)
+        child.wait()
+        at_rest(controller)
+        never_in_bursts(controller)
+
+
+def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(bmd_rths, domain):
+    """No command comes any more: the way to rest begins before the limits could no longer be kept."""
+    with ArrivalController(2e-3) as controller:
+        child = run(bmd_rths, controller, duration=20.0, set_=("safety.stale_shear_time=5.0",))
+        wait_until(lambda: len(controller.commands) > 300 and abs(controller.commands[-1].acceleration) > 1.0)
+        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if "numerical_substructure" in command)
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            wait_until(lambda: any(arrival.kind is Kind.STOP for arrival in controller.arrivals))
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        child.wait()
+        at_rest(controller)
+
+
+IDENTIFY = ("--what", "table", "--order", 1, "--band", 1, 20, "--duration", 20, "--json")
+
+
+def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
+    with ArrivalController(2e-3, lost=lambda step: 300 <= step < 303) as controller:
+        result = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *settings()).wait()
+        assert result.status == 0, result.errors
+        assert "3 of 5400 steps were not answered in time, used are 303 to 5399" in json.loads(result.output)["source"]
+        assert np.median(periods(controller.commands)) == pytest.approx(DT, abs=0.05 * DT)
+        at_rest(controller)
+        never_in_bursts(controller)
+
+
+@pytest.mark.parametrize("ending", ["lost answers", "ctrl-c"])
+def test_identify_that_ends_early_ramps_to_rest_and_says_why_in_one_line(bmd_rths, ending):
+    lost = (lambda step: step >= 600) if ending == "lost answers" else (lambda step: False)
+    with ArrivalController(2e-3, lost=lost) as controller:
+        given = settings("safety.stale_controller_time=0.05")
+        child = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *given)
+        if ending == "ctrl-c":
+            wait_until(lambda: len(controller.commands) > 600)
+            child.interrupt()
+        result = child.wait()
+        assert result.status == 1
+        assert "Traceback" not in result.errors
+        last = result.errors.strip().splitlines()[-1]
+        assert ("stale_controller" if ending == "lost answers" else "stopped by the operator") in last
+        at_rest(controller)
+        assert any(arrival.kind is Kind.STOP for arrival in controller.arrivals)
