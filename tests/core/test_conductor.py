@@ -56,14 +56,16 @@ class Indicator:
 class Bench:
     """A conductor in virtual time; the shear of each step comes back after a time, or not."""
 
-    def __init__(self, steps=20, lockstep=False, most_misses=10, peers=(), recorder="", indicator=None, closure=0.001):
+    def __init__(
+        self, steps=20, lockstep=False, longest_miss=10 * DT, peers=(), recorder="", indicator=None, closure=0.001
+    ):
         self.now = BOOT
         self.begun, self.times, self.closures = [], [], []
         self.closure = closure if callable(closure) else lambda step: closure
         self.numerical = Substructure()
         ground = [0.1 * (k + 1) for k in range(steps)]
         self.conductor = Conductor(
-            ground, self.numerical, indicator, DT, lockstep, most_misses, self.on_step, peers, recorder
+            ground, self.numerical, indicator, DT, lockstep, longest_miss, self.on_step, peers, recorder
         )
 
     def on_step(self, begun):
@@ -215,7 +217,7 @@ def test_lost_shear_leaves_the_last_one():
 
 
 def test_too_long_without_a_shear_ends_the_test():
-    bench = Bench(steps=100, most_misses=10, closure=lambda step: 0.001 if step < 20 else None)
+    bench = Bench(steps=100, longest_miss=10 * DT, closure=lambda step: 0.001 if step < 20 else None)
     bench.run()
     outcome, reason = bench.ended
     assert outcome is Outcome.FAILED
@@ -226,13 +228,13 @@ def test_too_long_without_a_shear_ends_the_test():
 
 
 def test_misses_that_are_not_in_a_row_do_not_end_it():
-    bench = Bench(steps=200, most_misses=10, closure=lambda step: 0.001 if step % 8 == 7 else None)
+    bench = Bench(steps=200, longest_miss=10 * DT, closure=lambda step: 0.001 if step % 8 == 7 else None)
     bench.run()
     assert bench.ended[0] is Outcome.FINISHED
 
 
 def test_one_long_stall_ends_it_as_many_misses_do():
-    bench = Bench(steps=100, most_misses=10)
+    bench = Bench(steps=100, longest_miss=10 * DT)
     bench.run(steps=5)
     bench.run(until=bench.now + 0.002)
     bench.now += 0.2

@@ -27,6 +27,7 @@ ELSEWHERE = {
     ("bmd_rths_core/campaign/limits.py", "check"),
     ("bmd_rths_core/campaign/limits.py", "observe"),
     ("bmd_rths_core/parameters.py", "check"),  # of a parameter
+    ("bmd_rths_core/safety/supervisor.py", "observe"),  # of what watches how the table follows
     ("bmd_rths_core/table/emulated/virtual_controller.py", "exchange"),
     ("bmd_rths_core/table/emulated/virtual_table.py", "exchange"),
     ("bmd_rths_core/table/udp_controller.py", "begin"),
