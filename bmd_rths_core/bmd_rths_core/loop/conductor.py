@@ -189,7 +189,7 @@ class Conductor:
         self.action = Action.RAMP
         self.step = 0
         self._ready_peers: set[str] = set()
-        self._feedback = 0.0
+        self._feedback, self._fed_back = 0.0, -1
         self._due = self._look_due = math.inf
         self._recorded_steps = 0
         self._closed = self._waits_for_recorder = False
@@ -264,10 +264,10 @@ class Conductor:
         now : float
             Time [s].
         """
-        if self.state is not NodeState.RUNNING:
+        if self.state is not NodeState.RUNNING or step < self._fed_back:
             return
         # A shear that comes too late is a missed deadline, but still newer than the one that is held.
-        self._feedback = force
+        self._feedback, self._fed_back = force, step
         if self.deadlines.closed(step, now) and self._lockstep:
             self._closed = True
             self._due = now

@@ -67,8 +67,9 @@ def run_to_rest(
     try:
         driver.arm()
         while True:
+            due = conductor.poll(clock.now())
+            due = min(due, driver.poll(clock.now()))  # the stages have taken time
             now = clock.now()
-            due = min(conductor.poll(now), driver.poll(now))
             if conductor.state is not NodeState.ENDED:
                 if driver.outcome is not None:
                     conductor.end(driver.outcome, driver.reason, now)

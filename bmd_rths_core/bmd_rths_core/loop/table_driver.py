@@ -25,6 +25,9 @@ ANSWER_PERIOD = 0.0005
 #: a host that was held up does not blame what lies unread.
 LOOKS_BEFORE_SILENCE = 20
 
+#: A host may be held up so often while a command is missing; one that is slow at every look must not go on for ever.
+MOST_EXCUSES = 3
+
 #: States in which the table may move.
 _MOVING = (DriveState.FOLLOWING, DriveState.RETURNING, DriveState.HELD)
 
@@ -91,8 +94,10 @@ class TableDriver:
         self.last_passed = -1
         self.latest: TableMeasurement | None = None
         self._due = math.inf  # of the next command on the way to rest
-        self._began_at: float | None = None  # when the last command was decided on
-        self._looks, self._looked_at = 0, 0.0
+        self._followed_until: float | None = (
+            None  # until then the supervisor has followed the table; None before step 0
+        )
+        self._looks, self._excuses, self._looked_at = 0, 0, 0.0
 
     # ---- what the host asks for
 
@@ -128,7 +133,7 @@ class TableDriver:
             self.last_passed = step
             self._exchange(TableCommand(step, acceleration), now)
         else:
-            self._due = now
+            self._due = self._followed_until = now
             self._end(Outcome.LIMIT, self.supervisor.reason, now)
 
     def finish(self, action: Action, now: float) -> None:
@@ -210,22 +215,23 @@ class TableDriver:
 
     def _late(self, now: float) -> float:
         """Return how much longer than Δt the last command was held until now [s]; negative when it was shorter."""
-        return 0.0 if self._began_at is None else now - self._began_at - self._time_step
+        return 0.0 if self._followed_until is None else now - self._followed_until
 
     def _late_on_the_way(self, now: float) -> float:
         """Return the same for the way to rest; a table that lives by steps knows whole ones."""
         if self._lockstep:
             return 0.0
         late = self._late(now)
-        return math.floor(late / self._time_step + 1e-9) * self._time_step if self._by_steps and late > 0.0 else late
+        return max(0, math.floor(late / self._time_step + 1e-9)) * self._time_step if self._by_steps else late
 
     def _exchange(self, command: TableCommand, now: float) -> None:
         """Move the table for one step; its measurement comes now, later, or not at all."""
-        self._began_at = now
-        self._looks = 0
+        self._followed_until = now + self._time_step
+        self._looks = self._excuses = 0
+        measurement = None
         try:
             if self._polled is None or self._lockstep:
-                self._observe(self._table.exchange(command))
+                measurement = self._table.exchange(command)
             else:
                 sent_at = self._polled.begin(command)
                 if sent_at is not None and not self._by_steps:
@@ -234,17 +240,21 @@ class TableDriver:
             return
         except (OSError, RuntimeError) as error:
             self._fail(command.step, error, now)
+        if measurement is not None:  # what the host makes of it is no failure of the controller
+            self._observe(measurement)
 
     def _look_for_answers(self, now: float) -> float:
         """Take the measurements that have come without waiting for them, and return when to look again."""
-        if self._polled is None:
-            return math.inf
-        try:
-            while (measurement := self._polled.poll()) is not None:
-                self._observe(measurement)
-        except (OSError, RuntimeError) as error:
-            self._fail(self.last_passed if self.moving else -1, error, now)
-        return now + ANSWER_PERIOD if self._polled.awaiting else math.inf
+        while self._polled is not None and (self.moving or self.state is DriveState.ARMED):
+            try:
+                measurement = self._polled.poll()
+            except (OSError, RuntimeError) as error:
+                self._fail(self.last_passed if self.moving else -1, error, now)
+                break
+            if measurement is None:
+                return now + ANSWER_PERIOD if self._polled.awaiting else math.inf
+            self._observe(measurement)
+        return math.inf
 
     def _observe(self, measurement: TableMeasurement) -> None:
         self.supervisor.observe(measurement)
@@ -254,13 +264,14 @@ class TableDriver:
 
     def _look_at_silence(self, now: float) -> float:
         """Begin the way to rest when no command comes any more, or when it would soon be too late for it."""
-        if self._lockstep or self.state is not DriveState.FOLLOWING or self._began_at is None:
+        if self._lockstep or self.state is not DriveState.FOLLOWING or self._followed_until is None:
             return math.inf
-        overdue = self._began_at + self._time_step + 0.2 * self._time_step
+        overdue = self._followed_until + 0.2 * self._time_step
         if now < overdue:
             return overdue
-        held_up = now - self._looked_at > self._time_step
+        held_up = now - self._looked_at > self._time_step and self._excuses < MOST_EXCUSES
         self._looked_at = now
+        self._excuses += held_up
         self._looks = 1 if held_up else self._looks + 1
         if self._looks < LOOKS_BEFORE_SILENCE:
             return now
@@ -281,12 +292,14 @@ class TableDriver:
         """Send the first command on the way to rest now or when the last one has been held for Δt."""
         if self.state in (DriveState.AT_REST, DriveState.RELEASED) and not self.supervisor.emergency:
             return
-        if self.state is DriveState.ARMED or self.supervisor.at_rest or self.supervisor.emergency:
+        if self.state is DriveState.ARMED or self.supervisor.emergency:
             self.halt()
+            return
+        if self.supervisor.at_rest:  # held already; what is not more than that changes nothing
             return
         if self.state is not DriveState.RETURNING:
             self.state = DriveState.RETURNING
-            in_its_slot = now if self._lockstep or self._began_at is None else self._began_at + self._time_step
+            in_its_slot = now if self._lockstep or self._followed_until is None else self._followed_until
             self._due = min(self._due, in_its_slot)
         if now >= self._due:
             self._advance(now)
@@ -300,8 +313,8 @@ class TableDriver:
             if self.moving:
                 self.halt()
             return
-        if self.supervisor.at_rest:
-            self.state = DriveState.HELD
+        # A limit that asks for more than a hold brings a held table back.
+        self.state = DriveState.HELD if self.supervisor.at_rest else DriveState.RETURNING
         if self._lockstep and self.state is not DriveState.HELD:
             self._due = now
         else:  # small delays do not add up, and large ones are never caught up with

@@ -147,7 +147,9 @@ class SafetySupervisor:
     @property
     def at_rest(self) -> bool:
         """True when a ramp or hold has ended, and after an emergency stop."""
-        return self.state is State.STOPPED or (self.state is State.HOLDING and self._plan == [])
+        if self.state is not State.HOLDING:
+            return self.state is State.STOPPED
+        return self._plan == [] and not self._correctable()
 
     def check(self, step: int, command: float, late: float | None = None) -> bool:
         """Decide on the command of a step.
@@ -299,7 +301,7 @@ class SafetySupervisor:
         if self._plan is None:
             self._plan, self._planned = self._way_to_rest(self._config), self._motion
             self._corrections = 0
-        elif not self._plan and self._unsettled() and self._corrections < MOST_CORRECTIONS:
+        elif not self._plan and self._correctable():
             self._plan, self._planned = self._way_to_rest(self._gentle), self._motion
             self._corrections += 1
         if self._plan:
@@ -337,9 +339,9 @@ class SafetySupervisor:
         off = 0.5 * self._config.ramp_acceleration * self._time_step
         return abs(self._motion.velocity - self._planned.velocity) > off
 
-    def _unsettled(self) -> bool:
+    def _correctable(self) -> bool:
         """Tell whether the table still moves, or stands off zero, because commands were not held for just Δt."""
-        if self.state not in (State.HOLDING, State.RAMPING):
+        if self.state not in (State.HOLDING, State.RAMPING) or self._corrections >= MOST_CORRECTIONS:
             return False
         off = self.state is State.RAMPING and abs(self._motion.displacement) > SETTLED_DISPLACEMENT
         return off or abs(self._motion.velocity) > SETTLED_VELOCITY

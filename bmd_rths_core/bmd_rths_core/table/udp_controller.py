@@ -198,7 +198,7 @@ class UdpTable:
             if asked_for and packet.state not in (ControllerState.ARMED, ControllerState.RUNNING):
                 raise RuntimeError(self._told(packet))
         now = self._transport.now()
-        for sequence in [sequence for sequence, pending in self._pending.items() if pending.deadline < now]:
+        for sequence in [sequence for sequence, pending in self._pending.items() if pending.deadline <= now]:
             self._give_up(sequence)
         return None
 
