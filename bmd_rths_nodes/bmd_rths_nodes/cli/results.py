@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from bmd_rths_core.report.analysis import RunAnalysis
+    from bmd_rths_core.analysis.run_analysis import RunAnalysis
 
 
 def result_of(analysis: RunAnalysis) -> dict[str, Any]:

@@ -54,8 +54,8 @@ def run(
     at once, a third one does not wait for the bag.
     """
     require_ros("run")
+    from bmd_rths_core.analysis.run_analysis import analysed
     from bmd_rths_core.ground_motion.config import select_ground_motion
-    from bmd_rths_core.report.analysis import analysed
     from bmd_rths_msgs_py.bag_reader import read_bag
     from bmd_rths_nodes.hardware.controllers import make_table_controller
     from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES

@@ -19,9 +19,9 @@ from bmd_rths_nodes.run.bag_names import new_bag_directory
 @json_option
 def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
+    from bmd_rths_core.analysis.run_analysis import analysed
     from bmd_rths_core.ground_motion.config import select_ground_motion
     from bmd_rths_core.loop.rths_loop import RthsLoop
-    from bmd_rths_core.report.analysis import analysed
 
     resolved = choice.resolve(table__controller="simulated")
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from bmd_rths_core.analysis.assumptions import assumptions
+from bmd_rths_core.analysis.run_analysis import RunAnalysis
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.analysis import RunAnalysis
 
 _OUTCOMES = {
     "finished": "Finished: the whole ground motion was run.",
