@@ -10,6 +10,7 @@ from typing import NamedTuple
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES, module_of
 from bmd_rths_nodes.run.domain_lock import domain_lock
 from bmd_rths_nodes.run.follower import RunFollower
 from bmd_rths_nodes.run.monitor import RunMonitor
@@ -17,15 +18,8 @@ from bmd_rths_nodes.run.operator_stop import OperatorStop
 from bmd_rths_nodes.run.processes import Supervisor
 
 #: The modules of the processes of a test; the one with the numerical substructure is the first.
-PROCESSES = (
-    "bmd_rths_nodes.nodes.numerical_substructure",
-    "bmd_rths_nodes.nodes.command_shaper",
-    "bmd_rths_nodes.nodes.table_driver",
-    "bmd_rths_nodes.nodes.shear_estimator",
-    "bmd_rths_nodes.nodes.force_correction",
-    "bmd_rths_nodes.nodes.recorder",
-)
-COMPOSED_PROCESSES = ("bmd_rths_nodes.nodes.composed_loop", "bmd_rths_nodes.nodes.recorder")
+PROCESSES = tuple(role.module for role in ROLES.values())
+COMPOSED_PROCESSES = (module_of(COMPOSED_LOOP), *(role.module for role in ROLES.values() if role not in LOOP))
 
 
 class RecordedRun(NamedTuple):
