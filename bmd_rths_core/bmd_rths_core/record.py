@@ -93,7 +93,7 @@ class RunRecord:
     outcome : str
         One of `OUTCOMES`.
     reason : str
-        Why it ended, in words.
+        Sentence that says why the run ended.
     timing : TimingStatistics, optional
         None for a run in process, and when a recording has no end.
     source : str

@@ -8,6 +8,7 @@ import pkgutil
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -59,6 +60,24 @@ def parameters_of(documented):
     return set(inspect.signature(documented).parameters) - {"self", "cls"} - described_fields
 
 
+def described_methods(objects):
+    """Return name and parameters of every documented method of a protocol: an implementation needs one line only."""
+    protocols = [item for item in objects.values() if inspect.isclass(item) and getattr(item, "_is_protocol", False)]
+    methods = [method for protocol in protocols for method in vars(protocol).values() if inspect.isfunction(method)]
+    return {
+        (method.__name__, frozenset(parameters_of(method)))
+        for method in methods
+        if method.__doc__ and not problems_of(method.__name__, method)
+    }
+
+
+def is_described_elsewhere(documented, described):
+    """Tell whether an object is a function with a docstring of one line that implements a method of a protocol."""
+    if not inspect.isfunction(documented) or "\n" in (documented.__doc__ or "\n"):
+        return False
+    return (documented.__name__, frozenset(parameters_of(documented))) in described
+
+
 def problems_of(name, documented):
     docstring = documented.__doc__
     # A dataclass or named tuple without a docstring is given its signature as one.
@@ -74,7 +93,44 @@ def test_everything_public_is_documented():
     found = {name: item for m in modules() for name, item in public_objects(m, m.__name__, m.__name__)}
     assert "bmd_rths_core.stages.numerical_substructure.NumericalSubstructure.step" in found
     assert "bmd_rths_msgs_py.bag_reader.read_bag" in found
-    assert [problem for name, item in found.items() for problem in problems_of(name, item)] == []
+    described = described_methods(found)
+    needed = {name: item for name, item in found.items() if not is_described_elsewhere(item, described)}
+    assert len(needed) < len(found)
+    assert [problem for name, item in needed.items() for problem in problems_of(name, item)] == []
+
+
+class Described(Protocol):
+    """A protocol."""
+
+    def draw(self, figure):
+        """Draw.
+
+        Parameters
+        ----------
+        figure : Figure
+            Empty.
+        """
+
+    def undescribed(self, figure):
+        """Leave open what the figure is."""
+
+
+def test_one_line_is_enough_for_what_a_protocol_describes():
+    class Line:
+        def draw(self, figure):
+            """Draw a line."""
+
+        def undescribed(self, figure):
+            """Do something."""
+
+    class Dashes:
+        def draw(self, figure, dashes):
+            """Draw a line with dashes, which no protocol describes."""
+
+    described = described_methods({"Described": Described})
+    assert is_described_elsewhere(Line.draw, described)
+    assert not is_described_elsewhere(Line.undescribed, described)
+    assert not is_described_elsewhere(Dashes.draw, described)
 
 
 def test_an_undocumented_argument_is_found():

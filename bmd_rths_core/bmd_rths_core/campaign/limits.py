@@ -46,7 +46,7 @@ class LimitEnd(NamedTuple):
     measured : int
         How many of them were measured: one less where a command was refused.
     reason : str
-        Which limit, in words.
+        Text that names the limit.
     """
 
     steps: int

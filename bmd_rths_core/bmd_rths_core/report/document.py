@@ -127,7 +127,7 @@ class Document:
     title : str
         What it is about.
     verdict : str
-        The outcome, in words.
+        Sentence that states the outcome.
     good : bool
         True when nothing was wrong.
     notes : tuple of str

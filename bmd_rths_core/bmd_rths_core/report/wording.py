@@ -1,4 +1,4 @@
-"""Numbers and outcomes in words."""
+"""Texts of a report: numbers, outcomes, problems."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def significant(value: float) -> str:
 
 
 def verdict(record: RunRecord) -> str:
-    """Return how a test ended, in words.
+    """Return a sentence that says how a test ended.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def results(analysis: RunAnalysis) -> str:
 
 
 def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
-    """Return what was wrong with a test, in words.
+    """Return the problems of a test, a sentence each.
 
     Parameters
     ----------

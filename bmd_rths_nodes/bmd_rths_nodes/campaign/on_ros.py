@@ -99,11 +99,11 @@ class RosRunner:
     bags : Path
         Folder of the bags, absolute.
     interrupts : sequence of int
-        Signals that have come; grows meanwhile. With the first one the campaign stops.
+        Signals received so far; a handler appends to it. The first one stops the campaign.
     log : callable
-        Tells a person a line.
+        Prints one line for the operator.
     on_progress : callable
-        Gets the state of the running test in words, every now and then.
+        Called with a text of the state of the running test, several times a second.
     """
 
     bags: Path

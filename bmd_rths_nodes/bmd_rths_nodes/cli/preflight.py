@@ -1,4 +1,4 @@
-"""The pre-flight of ``bmd-rths run``: predict, refuse what must not be run, and tell what is to be expected."""
+"""The pre-flight of ``bmd-rths run``: predict, refuse what must not be run, and say what to expect."""
 
 from __future__ import annotations
 

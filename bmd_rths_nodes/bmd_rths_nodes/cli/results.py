@@ -98,7 +98,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
 
 
 def _table_peaks(peaks: dict[str, float | None]) -> str:
-    """Return the peaks of the table's motion in words."""
+    """Return a text of the peaks of the table's motion."""
     parts = (("displacement", 1e3, "mm"), ("velocity", 1e3, "mm/s"), ("acceleration", 1.0, "m/s²"))
     return ", ".join(
         _number(None if (value := peaks[name]) is None else scale * value, unit) for name, scale, unit in parts

@@ -30,7 +30,7 @@ class RecordedRun(NamedTuple):
     bag : Path
         The bag; it says how the test ended.
     problem : str
-        What went wrong with its processes, in words; empty when nothing did.
+        Text that says what went wrong with its processes; empty when nothing did.
     """
 
     bag: Path
@@ -56,11 +56,11 @@ def run_on_ros(
     monitor : RunMonitor
         Hears the nodes.
     interrupts : sequence of int
-        Signals that have come; grows meanwhile. See `OperatorStop` for what each does.
+        Signals received so far; a handler appends to it. `OperatorStop` says what each does.
     log : callable
-        Tells a person a line.
+        Prints one line for the operator.
     on_progress : callable
-        Gets the state of the test in words and the steps begun, every now and then.
+        Called with a text of the state of the test and the steps begun, several times a second.
 
     Returns
     -------

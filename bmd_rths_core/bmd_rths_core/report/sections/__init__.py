@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from bmd_rths_core.report.document import Block
+from bmd_rths_core.report.document import Block, Drawing
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.sections import (
     energy,
@@ -28,6 +28,19 @@ class ReportSection(Protocol):
 
     def blocks(self, run: ReportedRun) -> list[Block]:
         """Return what stands below the title; a figure that cannot be shown is the reason why.
+
+        Parameters
+        ----------
+        run : ReportedRun
+            The run.
+        """
+
+
+class FigureSection(ReportSection, Protocol):
+    """What the module of a section with one figure has."""
+
+    def figure(self, run: ReportedRun) -> Drawing | str:
+        """Return the figure, or why there is none.
 
         Parameters
         ----------

@@ -198,12 +198,24 @@ def _draw_story(axes: Axes, story: StoryLoop) -> None:
 
 
 def numerical_figure(run: ReportedRun) -> Hysteresis | str:
-    """Return the figure of a run, or why there is none."""
+    """Return the loops of the numerical stories, or why there are none.
+
+    Parameters
+    ----------
+    run : ReportedRun
+        The run.
+    """
     return part(run.no_history, lambda: numerical_loops(run.motion, run.config))
 
 
 def specimen_figure(run: ReportedRun) -> Hysteresis | str:
-    """Return the figure of a run, or why there is none."""
+    """Return the loops of the stories of the specimen, or why there are none.
+
+    Parameters
+    ----------
+    run : ReportedRun
+        The run.
+    """
     return part(run.no_floors, lambda: specimen_loops(run.record, run.config))
 
 
