@@ -3,6 +3,7 @@
 import dataclasses
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.build import make_numerical_substructure
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.report.document import Paragraph
+from bmd_rths_core.report.html import page_of
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.run_report import run_report
 from bmd_rths_core.report.sections import (
@@ -255,3 +258,11 @@ def test_every_section_is_in_the_registry_and_has_a_title_of_its_own():
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "comparison"}
     assert {section.__name__.rpartition(".")[2] for section in SECTIONS} == modules
     assert len({section.TITLE for section in SECTIONS}) == len(SECTIONS)
+
+
+def test_a_further_section_is_a_module_and_a_line(monkeypatch):
+    planted = SimpleNamespace(TITLE="Planted", blocks=lambda run: [Paragraph(f"of {run.record.steps} steps")])
+    monkeypatch.setattr("bmd_rths_core.report.run_report.SECTIONS", (*SECTIONS, planted))
+    _, record, _ = simulated(1.0)
+    page = page_of(run_report(ReportedRun(analysed(record), "no clock")))
+    assert page.index("<h2>Provenance</h2>") < page.index("<h2>Planted</h2>") < page.index("<p>of 201 steps</p>")

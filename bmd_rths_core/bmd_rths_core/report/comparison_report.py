@@ -83,13 +83,7 @@ def _overlays(reports: Sequence[ReportedRun]) -> list[Block]:
 
 
 def comparison_table(analyses: Sequence[RunAnalysis]) -> Table:
-    """Return the errors of several runs, one row for each, named after the folder of its bag.
-
-    Parameters
-    ----------
-    analyses : sequence of RunAnalysis
-        The runs.
-    """
+    """Return the errors of several runs, one row for each, named after the folder of its bag."""
     rows = []
     for i, analysis in enumerate(analyses, 1):
         record, metrics = analysis.record, analysis.metrics

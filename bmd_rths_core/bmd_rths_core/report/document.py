@@ -90,15 +90,7 @@ Block = Paragraph | Table | Picture | Folded
 
 
 def shown(drawing: Drawing | str, caption: str) -> Block:
-    """Return a figure with its caption, or why there is none.
-
-    Parameters
-    ----------
-    drawing : Drawing or str
-        The figure, or the reason.
-    caption : str
-        What is to be seen.
-    """
+    """Return a figure with its caption, or why there is none."""
     return Paragraph(f"Cannot be shown: {drawing}.") if isinstance(drawing, str) else Picture(drawing, caption)
 
 

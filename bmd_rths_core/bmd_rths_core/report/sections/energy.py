@@ -95,15 +95,7 @@ class EnergyHistory:
 
 
 def energy_history(motion: NumericalMotion, config: Config) -> EnergyHistory:
-    """Return the energies of the numerical substructure, integrated by the trapezoidal rule.
-
-    Parameters
-    ----------
-    motion : NumericalMotion
-        The numerical substructure.
-    config : Config
-        Its configuration.
-    """
+    """Return the energies of the numerical substructure, integrated by the trapezoidal rule."""
     building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
     step, velocities = config.run.time_step, motion.velocities
     dissipated = np.sum(velocities * (velocities @ building.damping_matrix), axis=1)

@@ -27,26 +27,14 @@ def blocks(run: ReportedRun) -> list[Block]:
 
 
 def rmse_table(analysis: RunAnalysis) -> Table:
-    """Return the errors the paper states.
-
-    Parameters
-    ----------
-    analysis : RunAnalysis
-        The run.
-    """
+    """Return the errors the paper states."""
     errors = analysis.metrics.rmse_percent.items()
     rows = [(name.replace("_", " "), number(value if analysis.record.stable else None, 2)) for name, value in errors]
     return Table(("RMSE (Eq. 12)", "[%]"), tuple(rows))
 
 
 def criteria_table(analyses: Mapping[str, RunAnalysis]) -> Table:
-    """Return the criteria of the vRTHS benchmark, one column for each run.
-
-    Parameters
-    ----------
-    analyses : Mapping of str to RunAnalysis
-        The runs by the heading of their column, with the same number of floors.
-    """
+    """Return the criteria of the vRTHS benchmark, one column for each run."""
     count = len(next(iter(analyses.values())).criteria.response_error_percent)
     floors = ("interface", *(f"specimen floor {i}" for i in range(1, count)))
     names = [*_J, *(f"J{4 + i} error, {floor} [%]" for i, floor in enumerate(floors))]

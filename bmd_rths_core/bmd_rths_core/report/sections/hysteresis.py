@@ -95,15 +95,7 @@ class Hysteresis:
 
 
 def numerical_loops(motion: NumericalMotion, config: Config) -> Hysteresis:
-    """Return the loops of the numerical stories: restoring force without damping.
-
-    Parameters
-    ----------
-    motion : NumericalMotion
-        The numerical substructure.
-    config : Config
-        Its configuration.
-    """
+    """Return the loops of the numerical stories: restoring force without damping."""
     stiffnesses = config.numerical_substructure.stiffnesses
     yields = config.nonlinear.yield_drifts if config.nonlinear.story_model != "linear" else (0.0,) * len(stiffnesses)
     stories = zip(motion.drifts.T, motion.story_forces.T, stiffnesses, yields, strict=True)
@@ -150,13 +142,7 @@ def specimen_loops(record: RunRecord, config: Config) -> Hysteresis:
 
 
 def high_pass_frequency(config: Config) -> float:
-    """Return the corner of the high-pass of the drifts of the specimen [rad/s].
-
-    Parameters
-    ----------
-    config : Config
-        `HIGH_PASS_SHARE` of the first elastic frequency of its whole building.
-    """
+    """Return the corner of the high-pass of the drifts of the specimen [rad/s]."""
     lower = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
     return HIGH_PASS_SHARE * float(lower.below(config.specimen.building()).elastic_modes().frequencies[0])
 
@@ -198,24 +184,12 @@ def _draw_story(axes: Axes, story: StoryLoop) -> None:
 
 
 def numerical_figure(run: ReportedRun) -> Hysteresis | str:
-    """Return the loops of the numerical stories, or why there are none.
-
-    Parameters
-    ----------
-    run : ReportedRun
-        The run.
-    """
+    """Return the loops of the numerical stories, or why there are none."""
     return part(run.no_history, lambda: numerical_loops(run.motion, run.config))
 
 
 def specimen_figure(run: ReportedRun) -> Hysteresis | str:
-    """Return the loops of the stories of the specimen, or why there are none.
-
-    Parameters
-    ----------
-    run : ReportedRun
-        The run.
-    """
+    """Return the loops of the stories of the specimen, or why there are none."""
     return part(run.no_floors, lambda: specimen_loops(run.record, run.config))
 
 
@@ -227,15 +201,7 @@ def blocks(run: ReportedRun) -> list[Block]:
 
 
 def ductility_table(analysis: RunAnalysis, ductility: Sequence[float]) -> Table:
-    """Return the ductility of the numerical stories.
-
-    Parameters
-    ----------
-    analysis : RunAnalysis
-        The run.
-    ductility : sequence of float
-        From the ground up.
-    """
+    """Return the ductility of the numerical stories."""
     pairs = zip(ductility, analysis.config.nonlinear.yield_drifts, strict=True)
     rows = tuple(
         (f"numerical story {i}", number(1e3 * value * drift, 3), number(1e3 * drift, 3), number(value, 2))

@@ -23,13 +23,7 @@ def blocks(run: ReportedRun) -> list[Block]:
 
 
 def limits_table(run: ReportedRun) -> Table:
-    """Return what was reached of each limit.
-
-    Parameters
-    ----------
-    run : ReportedRun
-        The run.
-    """
+    """Return what was reached of each limit."""
     analysis = run.analysis
     peaks, safety = analysis.peaks, analysis.config.safety
     energy = energy_figure(run)

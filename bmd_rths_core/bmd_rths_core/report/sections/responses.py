@@ -164,13 +164,7 @@ def blocks(run: ReportedRun) -> list[Block]:
 
 
 def floors_table(responses: FloorResponses) -> Table:
-    """Return errors and peaks of every floor, top floor first.
-
-    Parameters
-    ----------
-    responses : FloorResponses
-        The floors.
-    """
+    """Return errors and peaks of every floor, top floor first."""
     rows = tuple(
         (
             floor.name,
