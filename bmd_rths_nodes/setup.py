@@ -24,6 +24,11 @@ setup(
     ],
     entry_points={"console_scripts": ["bmd-rths = bmd_rths_nodes.cli.main:main"]},
     install_requires=["bmd_rths_core", "bmd_rths_msgs_py", "click", "matplotlib", "rich", "PyYAML"],
-    extras_require={"cluster": ["distributed"], "parquet": ["pyarrow"]},
+    # What needs no graph needs no ROS: it comes from the setup file of a ROS installation, or from these wheels.
+    extras_require={
+        "cluster": ["distributed"],
+        "parquet": ["pyarrow"],
+        "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
+    },
     zip_safe=False,
 )

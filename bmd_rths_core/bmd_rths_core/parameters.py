@@ -49,7 +49,7 @@ class ParameterSpec:
     choices: tuple[str, ...]
 
     def allowed(self) -> str:
-        """Return the allowed values in words, for an error message or a parameter descriptor."""
+        """Return a text of the allowed values, for error messages and parameter descriptors."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if not self.unit:

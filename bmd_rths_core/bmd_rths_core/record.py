@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.signals import SIGNALS
 from bmd_rths_core.version import __version__
 
 FloatArray = NDArray[np.float64]
@@ -51,8 +52,9 @@ class TimingStatistics:
 class RunRecord:
     """One run: the signals of every step and the story around them.
 
-    Row k of every signal belongs to step k. Signals of the controller belong to test time ``k·Δt``, sensors are read at
-    the end of the step, at ``(k + 1)·Δt`` (see `sensor_time`). A value that was not measured or not recorded is NaN.
+    Row k of every signal belongs to step k; `signals.SIGNALS` describes each. Signals of the controller belong to test
+    time ``k·Δt``, sensors are read at the end of the step, at ``(k + 1)·Δt`` (see `sensor_time`). A value that was not
+    measured or not recorded is NaN.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ class RunRecord:
     outcome : str
         One of `OUTCOMES`.
     reason : str
-        Why it ended, in words.
+        Sentence that says why the run ended.
     timing : TimingStatistics, optional
         None for a run in process, and when a recording has no end.
     source : str
@@ -141,7 +143,7 @@ class RunRecord:
 
     def signals(self) -> dict[str, FloatArray]:
         """Return every recorded signal by name."""
-        return {name: getattr(self, name) for name in SIGNALS}
+        return {signal.name: getattr(self, signal.name) for signal in SIGNALS}
 
     def same_signals(self, other: RunRecord) -> bool:
         """Tell whether every signal equals that of another record bit for bit (a NaN equals a NaN).
@@ -153,10 +155,6 @@ class RunRecord:
         """
         mine, theirs = self.signals(), other.signals()
         return all(np.array_equal(mine[name], theirs[name], equal_nan=True) for name in mine)
-
-
-#: Names of the signals of a `RunRecord`.
-SIGNALS = tuple(f.name for f in fields(RunRecord) if f.type == "FloatArray")
 
 
 def empty_signals(steps: int, floors: int) -> dict[str, FloatArray]:
@@ -174,7 +172,7 @@ def empty_signals(steps: int, floors: int) -> dict[str, FloatArray]:
     dict of str to ndarray
         NaN everywhere, shape (N,), and (N, n) for ``floor_accelerations``.
     """
-    return {name: np.full((steps, floors) if name == "floor_accelerations" else steps, np.nan) for name in SIGNALS}
+    return {signal.name: np.full((steps, floors) if signal.per_floor else steps, np.nan) for signal in SIGNALS}
 
 
 def provenance(configuration: Mapping[str, Any], motion: GroundMotion) -> dict[str, Any]:

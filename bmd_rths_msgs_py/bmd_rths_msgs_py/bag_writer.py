@@ -75,7 +75,7 @@ class BagWriter:
         self._first_ns = NO_START
         self._last_ns = 0
         for topic in TOPICS.values():
-            _definition(topic.type_name)  # takes a tenth of a second, which the first message must not wait
+            message_definition(topic.type_name)  # takes a tenth of a second, which the first message must not wait
         try:
             directory.mkdir(parents=True, exist_ok=True)
             if any(directory.iterdir()):
@@ -153,7 +153,7 @@ class BagWriter:
         self._write_yaml(information)
 
     def _add_channel(self, topic: str, type_name: str) -> int:
-        text, type_hash = _definition(type_name)
+        text, type_hash = message_definition(type_name)
         if type_name not in self._schemas:
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text.encode())
         metadata = {"offered_qos_profiles": _yaml(_OFFERED_QOS).strip(), "topic_type_hash": type_hash}
@@ -177,7 +177,7 @@ class BagWriter:
                     "type": type_name,
                     "serialization_format": "cdr",
                     "offered_qos_profiles": _OFFERED_QOS,
-                    "type_description_hash": _definition(type_name)[1],
+                    "type_description_hash": message_definition(type_name)[1],
                 },
                 "message_count": self._counts[topic],
             }
@@ -204,8 +204,14 @@ class BagWriter:
 
 
 @functools.cache
-def _definition(type_name: str) -> tuple[str, str]:
-    """Return the ros2msg text and the RIHS01 hash of a message type."""
+def message_definition(type_name: str) -> tuple[str, str]:
+    """Return the ros2msg text and the RIHS01 hash of a message type, as Jazzy has them, from no ROS installation.
+
+    Parameters
+    ----------
+    type_name : str
+        For example ``"geometry_msgs/msg/AccelStamped"``.
+    """
     typestore = get_typestore(Stores.ROS2_JAZZY)
     return typestore.generate_msgdef(type_name, ros_version=2)[0], typestore.hash_rihs01(type_name)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bmd_rths_core import signals
+
 NAMESPACE = "rths"
 
 NUMERICAL_SUBSTRUCTURE = "numerical_substructure"
@@ -118,15 +120,20 @@ DIAGNOSTICS = Topic(
     "/diagnostics", DIAGNOSTICS_TYPE, EVERY_ROLE, (RECORDER,), "", "deadlines, latency, limits and state of every node"
 )
 
+_SCALARS = {
+    topic.name: topic
+    for topic in (
+        GROUND_ACCELERATION,
+        DESIRED_ACCELERATION,
+        REQUIRED_FORCE,
+        COMMAND,
+        INTERFACE_FORCE,
+        CORRECTED_FORCE,
+    )
+}
+
 #: Topics with one number a step, in the order of a step. Each has the name of its signal in a `RunRecord`.
-SCALAR_TOPICS = (
-    GROUND_ACCELERATION,
-    DESIRED_ACCELERATION,
-    REQUIRED_FORCE,
-    COMMAND,
-    INTERFACE_FORCE,
-    CORRECTED_FORCE,
-)
+SCALAR_TOPICS = tuple(_SCALARS[name] for name in signals.SCALAR_TOPICS)
 
 #: Every topic by its (relative) name.
 TOPICS = {topic.name: topic for topic in (*SCALAR_TOPICS, MEASUREMENT, DIAGNOSTICS)}

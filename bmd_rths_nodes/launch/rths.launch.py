@@ -7,9 +7,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES
+
 PACKAGE = "bmd_rths_nodes"
-LOOP = ("numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction")
-COMPOSED_LOOP = ("composed_loop",)
 
 #: Parameter that each optional launch argument overrides.
 OVERRIDES = {
@@ -64,10 +64,11 @@ def _nodes(context: LaunchContext) -> list[Node]:
         texts |= {"table.controller": "udp", "table.address": given["table"]}
     overrides = {name: ParameterValue(text, value_type=str) for name, text in texts.items()}
     parameters = [given["config"], {**overrides, "run.record": record}]
-    loop = COMPOSED_LOOP if given["composed"] == "true" else LOOP
+    loop = [COMPOSED_LOOP] if given["composed"] == "true" else [role.name for role in LOOP]
+    others = [role.name for role in ROLES.values() if role not in LOOP]
     return [
         Node(package=PACKAGE, executable=name, parameters=parameters, output="screen", on_exit=_on_exit_of(name))
-        for name in (*loop, *(["recorder"] if record else []))
+        for name in (*loop, *(others if record else []))
     ]
 
 
@@ -80,7 +81,7 @@ def _on_exit_of(name: str):
 
     def on_exit(event, _):
         started = event.returncode != REFUSED
-        clock = name in (LOOP[0], *COMPOSED_LOOP)
+        clock = name in (LOOP[0].name, COMPOSED_LOOP)
         return Shutdown(reason=f"{name} ended") if clock or not started else None
 
     return on_exit

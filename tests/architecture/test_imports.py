@@ -68,8 +68,38 @@ def test_the_contracts_hold():
             "import bmd_rths_core.compensators.phase_lead",
             "bmd_rths_core.safety.config -> bmd_rths_core",
         ),
+        (
+            "bmd_rths_core.structure.damping",
+            "import bmd_rths_core.config",
+            "bmd_rths_core.structure is not allowed to import bmd_rths_core.config",
+        ),
+        (
+            "bmd_rths_core.loop.rths_loop",
+            "from bmd_rths_core.analysis.metrics import run_metrics",
+            "bmd_rths_core.loop is not allowed to import bmd_rths_core.analysis",
+        ),
+        (
+            "bmd_rths_core.stages.force_correction",
+            "import bmd_rths_core.compensators.schemes",
+            "bmd_rths_core.stages is not allowed to import bmd_rths_core.compensators",
+        ),
+        (
+            "bmd_rths_core.safety.ramp",
+            "import bmd_rths_core.table.models.simulated",
+            "bmd_rths_core.safety is not allowed to import bmd_rths_core.table",
+        ),
+        (
+            "bmd_rths_core.report.document",
+            "import matplotlib.pyplot",
+            "bmd_rths_core is not allowed to import matplotlib",
+        ),
         ("bmd_rths_msgs_py.cdr", "from rclpy.time import Time", "bmd_rths_msgs_py is not allowed to import rclpy"),
-        ("bmd_rths_nodes.run.follower", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
+        ("bmd_rths_nodes.run.execute", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
+        (
+            "bmd_rths_nodes.cli.configuration",
+            "from ament_index_python.packages import get_package_share_directory",
+            "bmd_rths_nodes is not allowed to import ament_index_python",
+        ),
         ("bmd_rths_nodes.ros.spin", "import numpy as np", "bmd_rths_nodes is not allowed to import numpy"),
     ],
 )
@@ -80,6 +110,13 @@ def test_a_planted_import_is_found(copy, module, statement, broken):
     result = lint_imports(copy)
     assert result.returncode == 1, result.stdout + result.stderr
     assert broken in " ".join(result.stdout.split())
+
+
+def test_a_module_without_a_layer_is_found(copy):
+    (copy / "bmd_rths_core" / "bmd_rths_core" / "planted.py").write_text('"""Belongs nowhere."""\n')
+    result = lint_imports(copy)
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert "bmd_rths_core.planted" in result.stdout + result.stderr
 
 
 def imported_modules(package):

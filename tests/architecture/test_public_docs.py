@@ -8,6 +8,7 @@ import pkgutil
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -59,6 +60,57 @@ def parameters_of(documented):
     return set(inspect.signature(documented).parameters) - {"self", "cls"} - described_fields
 
 
+def described_methods(objects):
+    """Return name and parameters of every documented method of a protocol: an implementation needs one line only."""
+    protocols = [item for item in objects.values() if inspect.isclass(item) and getattr(item, "_is_protocol", False)]
+    methods = [method for protocol in protocols for method in vars(protocol).values() if inspect.isfunction(method)]
+    return {
+        (method.__name__, frozenset(parameters_of(method)))
+        for method in methods
+        if method.__doc__ and not problems_of(method.__name__, method)
+    }
+
+
+def is_described_elsewhere(documented, described):
+    """Tell whether an object is a function with a docstring of one line that implements a method of a protocol."""
+    if not inspect.isfunction(documented) or "\n" in (documented.__doc__ or "\n"):
+        return False
+    return (documented.__name__, frozenset(parameters_of(documented))) in described
+
+
+def part_of(module):
+    """Return the part of the core that a module belongs to, or its package."""
+    package, *parts = module.split(".")
+    return (package, *parts[: package == "bmd_rths_core"])
+
+
+def imported_elsewhere():
+    """Return module and name of every function that another part of the core, or another package, imports."""
+    found = set()
+    for package in PACKAGES:
+        for path in (ROOT / package / package).rglob("*.py"):
+            own = ".".join(path.relative_to(ROOT / package).with_suffix("").parts)
+            imports = (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom))
+            for node in imports:
+                if part_of(own) != part_of(node.module or ""):
+                    found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def is_of_one_part(name, documented, imported):
+    """Tell whether an object is a function with a docstring of one line that no other part imports."""
+    return (
+        inspect.isfunction(documented)
+        and "\n" not in (documented.__doc__ or "\n")
+        and is_function_of_module(name, documented)
+        and name not in imported
+    )
+
+
+def is_function_of_module(name, documented):
+    return name == f"{documented.__module__}.{documented.__name__}"
+
+
 def problems_of(name, documented):
     docstring = documented.__doc__
     # A dataclass or named tuple without a docstring is given its signature as one.
@@ -74,7 +126,49 @@ def test_everything_public_is_documented():
     found = {name: item for m in modules() for name, item in public_objects(m, m.__name__, m.__name__)}
     assert "bmd_rths_core.stages.numerical_substructure.NumericalSubstructure.step" in found
     assert "bmd_rths_msgs_py.bag_reader.read_bag" in found
-    assert [problem for name, item in found.items() for problem in problems_of(name, item)] == []
+    described, imported = described_methods(found), imported_elsewhere()
+    assert "bmd_rths_core.config.load_config" in imported
+    needed = {
+        name: item
+        for name, item in found.items()
+        if not is_described_elsewhere(item, described) and not is_of_one_part(name, item, imported)
+    }
+    assert len(needed) < len(found)
+    assert [problem for name, item in needed.items() for problem in problems_of(name, item)] == []
+
+
+class Described(Protocol):
+    """A protocol."""
+
+    def draw(self, figure):
+        """Draw.
+
+        Parameters
+        ----------
+        figure : Figure
+            Empty.
+        """
+
+    def undescribed(self, figure):
+        """Leave open what the figure is."""
+
+
+def test_one_line_is_enough_for_what_a_protocol_describes():
+    class Line:
+        def draw(self, figure):
+            """Draw a line."""
+
+        def undescribed(self, figure):
+            """Do something."""
+
+    class Dashes:
+        def draw(self, figure, dashes):
+            """Draw a line with dashes, which no protocol describes."""
+
+    described = described_methods({"Described": Described})
+    assert is_described_elsewhere(Line.draw, described)
+    assert not is_described_elsewhere(Line.undescribed, described)
+    assert not is_described_elsewhere(Dashes.draw, described)
 
 
 def test_an_undocumented_argument_is_found():

@@ -2,25 +2,41 @@
 
 import dataclasses
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.signal
 
+from bmd_rths_core.analysis.numerical_motion import numerical_motion, stability_indicator
+from bmd_rths_core.analysis.run_analysis import analysed
+from bmd_rths_core.analysis.supervised_peaks import largest_increment, largest_tracking_error
+from bmd_rths_core.analysis.whole_samples import filled, strong_motion
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.build import make_numerical_substructure
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.report.analysis import analysed
-from bmd_rths_core.report.energy import energy_history
-from bmd_rths_core.report.hysteresis import specimen_loops, twice_integrated
-from bmd_rths_core.report.numerical_motion import numerical_motion, stability_indicator
-from bmd_rths_core.report.run_comparison import MOST_CURVES, comparisons
-from bmd_rths_core.report.run_report import RunReport, run_report
-from bmd_rths_core.report.supervised_peaks import largest_increment, largest_tracking_error
-from bmd_rths_core.report.tracking import delay_over_time, table_frequencies
-from bmd_rths_core.report.whole_samples import filled, strong_motion
+from bmd_rths_core.report.document import Paragraph
+from bmd_rths_core.report.html import page_of
+from bmd_rths_core.report.reported_run import ReportedRun
+from bmd_rths_core.report.run_report import run_report
+from bmd_rths_core.report.sections import (
+    SECTIONS,
+    energy,
+    forces,
+    frequencies,
+    hysteresis,
+    responses,
+    tracking,
+    transfer,
+)
+from bmd_rths_core.report.sections.comparison import MOST_CURVES, comparisons
+from bmd_rths_core.report.sections.energy import energy_history
+from bmd_rths_core.report.sections.frequencies import table_frequencies
+from bmd_rths_core.report.sections.hysteresis import specimen_loops, twice_integrated
+from bmd_rths_core.report.sections.tracking import delay_over_time
 from tests.conftest import SERVO_TABLE
 
 DT = 0.005
@@ -80,11 +96,11 @@ def test_numerical_motion_is_that_of_an_independent_simulation():
 @pytest.mark.parametrize("changes", [{}, THREE_STORIES, YIELDING], ids=["one story", "three stories", "yielding"])
 def test_energy_balance_closes(changes):
     _, record, config = simulated(**changes)
-    energy = energy_history(numerical_motion(record, config), config)
-    brought = energy.ground_input + energy.interface
-    found = energy.kinetic + energy.springs + energy.dampers
-    assert np.abs(brought - found).max() < 0.02 * np.abs(energy.ground_input).max()
-    assert np.all(np.diff(energy.dampers) >= 0.0)
+    found = energy_history(numerical_motion(record, config), config)
+    brought = found.ground_input + found.interface
+    kept = found.kinetic + found.springs + found.dampers
+    assert np.abs(brought - kept).max() < 0.02 * np.abs(found.ground_input).max()
+    assert np.all(np.diff(found.dampers) >= 0.0)
 
 
 def test_ductility_is_peak_drift_over_yield_drift():
@@ -157,9 +173,21 @@ def test_strong_motion_of_a_constant_acceleration_leaves_out_both_ends():
     assert strong_motion(np.zeros(0), DT) == (0.0, 0.0)
 
 
+FIGURES = {
+    "responses": responses.figure,
+    "tracking": tracking.figure,
+    "frequencies": frequencies.figure,
+    "transfer": transfer.figure,
+    "forces": forces.figure,
+    "numerical_stories": hysteresis.numerical_figure,
+    "specimen_stories": hysteresis.specimen_figure,
+    "energy": energy.figure,
+}
+
+
 def hostile_records(record):
     """Yield what a report has to survive, and the parts that it can still show."""
-    everything = {name for name, kind in RunReport.__annotations__.items() if kind.endswith("| str")} - {"timing"}
+    everything = set(FIGURES)
     histories = {"responses", "tracking", "forces", "numerical_stories", "energy"}
 
     def changed(change):
@@ -182,10 +210,11 @@ def hostile_records(record):
 def test_whatever_is_in_a_record_there_is_a_report_that_says_what_cannot_be_shown(changes):
     _, record, _ = simulated(**changes)
     for name, hostile, expected in hostile_records(record):
-        report = run_report(analysed(hostile), "no clock")
-        parts = {field.name: getattr(report, field.name) for field in dataclasses.fields(report)[2:-1]}
+        run = ReportedRun(analysed(hostile), "no clock")
+        parts = {part: figure(run) for part, figure in FIGURES.items()}
         assert {part for part, data in parts.items() if not isinstance(data, str)} == expected, name
         assert all(reason for reason in parts.values()), name
+        assert len(run_report(run).sections) == len(SECTIONS), name
 
 
 def test_runs_with_the_same_ground_and_building_are_laid_over_each_other():
@@ -194,7 +223,7 @@ def test_runs_with_the_same_ground_and_building_are_laid_over_each_other():
     records = [RthsLoop(Config().changed(run__scheme=scheme), motion).run() for scheme in schemes]
     other_building = RthsLoop(Config().changed(specimen__masses=[700.0, 800.0]), motion).run()
     too_short = dataclasses.replace(records[0], **{n: s[:2] for n, s in records[0].signals().items()})
-    reports = [run_report(analysed(record), "no clock") for record in (too_short, *records, other_building)]
+    reports = [ReportedRun(analysed(record), "no clock") for record in (too_short, *records, other_building)]
     (group,) = comparisons(reports)
     assert [run.label for run in group.runs] == ["run 2: uc", "run 3: fc", "run 4: plc", "run 5: plc_fc"]
     assert (len(group.runs), group.left_out) == (MOST_CURVES, 1)
@@ -222,3 +251,18 @@ def test_largest_increment_and_tracking_error_of_an_empty_record_are_unknown():
     nothing = dataclasses.replace(record, applied_command=np.full(record.steps, np.nan))
     assert np.isnan(largest_tracking_error(nothing, config.safety))
     assert largest_increment(nothing) == pytest.approx(np.abs(np.diff(record.command, prepend=0.0)).max())
+
+
+def test_every_section_is_in_the_registry_and_has_a_title_of_its_own():
+    folder = Path(energy.__file__).parent
+    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "comparison"}
+    assert {section.__name__.rpartition(".")[2] for section in SECTIONS} == modules
+    assert len({section.TITLE for section in SECTIONS}) == len(SECTIONS)
+
+
+def test_a_further_section_is_a_module_and_a_line(monkeypatch):
+    planted = SimpleNamespace(TITLE="Planted", blocks=lambda run: [Paragraph(f"of {run.record.steps} steps")])
+    monkeypatch.setattr("bmd_rths_core.report.run_report.SECTIONS", (*SECTIONS, planted))
+    _, record, _ = simulated(1.0)
+    page = page_of(run_report(ReportedRun(analysed(record), "no clock")))
+    assert page.index("<h2>Provenance</h2>") < page.index("<h2>Planted</h2>") < page.index("<p>of 201 steps</p>")

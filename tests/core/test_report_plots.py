@@ -10,18 +10,19 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from bmd_rths_core.analysis.run_analysis import analysed
+from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.plots.histories import thinned
-from bmd_rths_core.plots.report_drawing import draw, height_of, svg_of
-from bmd_rths_core.plots.report_pdf import _pieces, _sheets, write_pdf
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
-from bmd_rths_core.report.analysis import analysed
+from bmd_rths_core.plots.svg import svg
 from bmd_rths_core.report.document import Document, Folded, Paragraph, Picture, Section, Table
-from bmd_rths_core.report.run_comparison import comparisons
-from bmd_rths_core.report.run_report import run_report
-from bmd_rths_core.report.timing import StepTiming
+from bmd_rths_core.report.pdf import _pieces, _sheets, write_pdf
+from bmd_rths_core.report.reported_run import ReportedRun
+from bmd_rths_core.report.sections import energy, forces, frequencies, hysteresis, responses, timing, tracking, transfer
+from bmd_rths_core.report.sections.comparison import comparisons
 
 #: What a reader has to find on each figure.
 STATED = {
@@ -38,6 +39,23 @@ STATED = {
 }
 
 
+FIGURES = {
+    "responses": responses.figure,
+    "tracking": tracking.figure,
+    "frequencies": frequencies.figure,
+    "transfer": transfer.figure,
+    "forces": forces.figure,
+    "numerical_stories": hysteresis.numerical_figure,
+    "specimen_stories": hysteresis.specimen_figure,
+    "energy": energy.figure,
+    "timing": timing.figure,
+}
+
+
+def svg_of(drawing):
+    return svg(drawing.draw, drawing.height)
+
+
 @pytest.fixture(scope="module")
 def data():
     """Compute what every figure shows, with yielding stories and half of the shear."""
@@ -52,9 +70,9 @@ def data():
     steps = np.arange(1600.0)
     begun = 0.005 * steps
     closed = begun + 1e-3 * np.random.default_rng(0).gamma(4.0, 0.4, size=1600)
-    report = run_report(analysed(record), StepTiming(steps, begun, closed, 0.005, (100, 101)))
-    figures = {name: getattr(report, name) for name in STATED if name != "comparison"}
-    (figures["comparison"],) = comparisons([report, report])
+    run = ReportedRun(analysed(record), StepTiming(steps, begun, closed, 0.005, (100, 101)))
+    figures = {name: make(run) for name, make in FIGURES.items()}
+    (figures["comparison"],) = comparisons([run, run])
     return figures
 
 
@@ -74,8 +92,8 @@ def test_text_is_text_and_says_what_is_shown(data, name):
 @pytest.mark.parametrize("name", STATED)
 def test_nothing_is_cut_off_or_covered(data, name):
     with style():
-        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height_of(data[name]) / 25.4))
-        draw(figure, data[name])
+        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, data[name].height / 25.4))
+        data[name].draw(figure)
         FigureCanvasAgg(figure).draw()
         drawn, page = figure.get_tightbbox(), figure.bbox_inches
         assert page.x0 <= drawn.x0 < drawn.x1 <= page.x1
@@ -88,19 +106,17 @@ def test_nothing_is_cut_off_or_covered(data, name):
 def drawn(data):
     """Return the axes of a figure."""
     with style():
-        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height_of(data) / 25.4))
-        draw(figure, data)
+        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, data.height / 25.4))
+        data.draw(figure)
         return figure.axes
 
 
 def test_peak_of_the_run_is_inside_the_transfer_functions_where_it_is_coherent(data):
-    transfer = data["transfer"]
-    higher = dataclasses.replace(
-        transfer.run, response=transfer.run.response.copy(), coherence=transfer.run.coherence * 0
-    )
+    found = data["transfer"]
+    higher = dataclasses.replace(found.run, response=found.run.response.copy(), coherence=found.run.coherence * 0)
     higher.response[5], higher.coherence[5] = 1e4, 1.0
     higher.response[9] = 1e8
-    for axes in drawn(dataclasses.replace(transfer, run=higher)):
+    for axes in drawn(dataclasses.replace(found, run=higher)):
         assert 1e4 < axes.get_ylim()[1] < 1e6
 
 
@@ -113,13 +129,13 @@ def test_no_delay_is_cut_at_an_edge(data):
 
 
 def test_the_largest_shear_is_seen_closely(data):
-    forces = data["forces"]
-    begin, end = forces.largest
+    shears = data["forces"]
+    begin, end = shears.largest
     assert end - begin == pytest.approx(2.0)
-    at = forces.time[np.argmax(np.maximum(np.abs(forces.fed_back), np.abs(forces.required)))]
+    at = shears.time[np.argmax(np.maximum(np.abs(shears.fed_back), np.abs(shears.required)))]
     assert begin <= at <= end
-    unknown = np.full(len(forces.time), np.nan)
-    assert dataclasses.replace(forces, fed_back=unknown, required=unknown).largest == (0.0, 2.0)
+    unknown = np.full(len(shears.time), np.nan)
+    assert dataclasses.replace(shears, fed_back=unknown, required=unknown).largest == (0.0, 2.0)
 
 
 def test_heading_stands_on_the_sheet_of_its_figure_and_no_sheet_is_too_full(data):
@@ -131,7 +147,7 @@ def test_heading_stands_on_the_sheet_of_its_figure_and_no_sheet_is_too_full(data
     sheets = list(_sheets(_pieces(Document("title", "verdict", True, ("a note",), tuple(sections)))))
     for name in STATED:
         (sheet,) = (sheet for sheet in sheets if any(piece.lines == (name,) for piece in sheet))
-        assert any(piece.figure is data[name] for piece in sheet)
+        assert any(piece.drawing is data[name] for piece in sheet)
     assert all(sum(piece.height for piece in sheet) <= 297.0 - 30.0 for sheet in sheets)
 
 
@@ -168,6 +184,6 @@ def test_thinned_curves_keep_their_peaks():
 
 
 def test_a_page_of_a_tall_building_ends_on_one_sheet(data):
-    responses = data["responses"]
-    tall = dataclasses.replace(responses, floors=responses.floors * 10)
-    assert height_of(tall) <= 297.0 - 40.0
+    found = data["responses"]
+    tall = dataclasses.replace(found, floors=found.floors * 10)
+    assert tall.height <= 297.0 - 40.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.record import TimingStatistics
-from bmd_rths_core.report.timing import StepTiming
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.bag_timing import read_timing_of_steps

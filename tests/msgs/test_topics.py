@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bmd_rths_core.record import RunRecord
+from bmd_rths_core.signals import SIGNALS
 from bmd_rths_msgs_py.topics import EVERY_ROLE, RECORDER, ROLES, SCALAR_TOPICS, TOPICS
 
 
@@ -37,3 +38,11 @@ def test_every_scalar_topic_is_a_signal_of_the_record(record: RunRecord) -> None
 
 def test_every_type_exists(typestore: Any) -> None:
     assert all(topic.type_name in typestore.types for topic in TOPICS.values())
+
+
+def test_every_signal_travels_on_a_topic_that_states_its_unit() -> None:
+    for signal in SIGNALS:
+        topic = TOPICS[signal.topic]
+        assert f"[{signal.unit.replace('²', '2')}]" in topic.description
+    assert [topic.name for topic in SCALAR_TOPICS] == [signal.name for signal in SIGNALS if not signal.measured]
+    assert set(TOPICS) == {signal.topic for signal in SIGNALS} | {"/diagnostics"}

@@ -274,7 +274,7 @@ def test_killed_process_ends_the_study_in_one_clear_line(run_main, records, monk
     def broken(pieces, run, jobs):
         raise BrokenProcessPool
 
-    monkeypatch.setattr("bmd_rths_nodes.cli.campaign.in_processes", broken)
+    monkeypatch.setattr("bmd_rths_nodes.campaign.pool.in_processes", broken)
     status, output, errors = run_main("campaign", CONFIG, "--jobs", 2, "--output", "out", "--motions", records)
     assert (status, output) == (1, "")
     assert errors.splitlines()[-1].startswith("error: a process of the campaign was killed")

@@ -9,13 +9,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from bmd_rths_core.analysis.run_analysis import analysed
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import TimingStatistics
-from bmd_rths_core.report.analysis import analysed
+from bmd_rths_core.report.wording import problems, results, verdict
 from bmd_rths_msgs_py.record_bag import write_record
-from bmd_rths_nodes.report.wording import problems, results, verdict
 
 #: Tags that have no end.
 VOID = {"meta", "link", "img"}

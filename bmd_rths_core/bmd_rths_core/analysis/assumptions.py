@@ -1,4 +1,4 @@
-"""What has to be assumed of a virtual laboratory, in words: said wherever its results are shown."""
+"""Says what a virtual laboratory assumes; every result from one is shown with it."""
 
 from __future__ import annotations
 

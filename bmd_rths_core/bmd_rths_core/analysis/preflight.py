@@ -50,7 +50,7 @@ class Preflight:
     Parameters
     ----------
     verdict : str
-        Of the stability analyses, in words.
+        Sentence that sums up the stability analyses.
     peaks : Peaks
         Of the prediction, which ends where it passes a limit.
     problems : tuple of str
@@ -108,7 +108,7 @@ def predict_test(config: Config, motion: GroundMotion, progress: Callable[[int],
 
 
 def _judged(config: Config) -> tuple[bool, str]:
-    """Return whether the loop is stable, and the verdict in words."""
+    """Return whether the loop is stable, and a sentence that says so."""
     try:
         assessment = assess(config, AnalysisOptions())
     except InputError as error:

@@ -14,6 +14,7 @@ from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.build import make_force_correction, make_shear_estimator
 from bmd_rths_core.record import FloatArray, RunRecord, software_versions
+from bmd_rths_core.signals import SIGNALS
 from bmd_rths_core.table.controller import TableMeasurement
 
 BoolArray = NDArray[np.bool_]
@@ -25,7 +26,7 @@ REPLAYED_SIGNALS = ("interface_force", "corrected_force")
 _SECTIONS = ("specimen", "shear_estimator", "force_correction")
 _EFFECTIVE_PARAMETER = "run.scheme"
 
-_MEASURED_SIGNALS = TableMeasurement._fields[1:-1]
+_MEASURED_SIGNALS = tuple(s.name for s in SIGNALS if s.measured and not s.per_floor)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.campaign.indicator_screen import IndicatorScreen, running_mean
+from bmd_rths_core.analysis.indicator_screen import IndicatorScreen, running_mean
 from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
@@ -46,7 +46,7 @@ class LimitEnd(NamedTuple):
     measured : int
         How many of them were measured: one less where a command was refused.
     reason : str
-        Which limit, in words.
+        Text that names the limit.
     """
 
     steps: int

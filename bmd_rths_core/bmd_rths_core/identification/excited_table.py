@@ -37,7 +37,7 @@ class Responses:
     floors : ndarray, shape (N, n)
         Measured absolute accelerations of the floors, from the table up [m/s²].
     source : str
-        Where the responses come from, in words.
+        Text that says where the responses come from.
     """
 
     time_step: float

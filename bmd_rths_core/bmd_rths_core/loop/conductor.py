@@ -59,7 +59,15 @@ class NumericalStage(Protocol):
         """Return to rest before step 0."""
 
     def step(self, ground_acceleration: float, feedback_force: float) -> Response:
-        """Advance to the next step, with the shear fed back [N] and the ground acceleration of this step [m/s²]."""
+        """Advance to the next step, with the shear fed back [N] and the ground acceleration of this step [m/s²].
+
+        Parameters
+        ----------
+        ground_acceleration : float
+            Of this step [m/s²].
+        feedback_force : float
+            Shear fed back at the step before [N].
+        """
 
 
 class Peer(NamedTuple):

@@ -19,7 +19,13 @@ class Clock(Protocol):
         """Return the time [s]."""
 
     def wait(self, until: float) -> None:
-        """Let time pass until then [s], or until something has arrived for the table controller."""
+        """Let time pass until then [s], or until something has arrived for the table controller.
+
+        Parameters
+        ----------
+        until : float
+            Time on this clock [s].
+        """
 
 
 class VirtualClock:

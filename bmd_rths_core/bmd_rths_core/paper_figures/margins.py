@@ -138,17 +138,7 @@ class MarginFigure:
 
 
 def figure_7(config: Config) -> MarginFigure:
-    """Return Figure 7: margin of the 8-story system with the dynamics of the table, with and without compensation.
-
-    Parameters
-    ----------
-    config : Config
-        The 8-story system.
-
-    Returns
-    -------
-    MarginFigure
-    """
+    """Return Figure 7: margin of the 8-story system with the dynamics of the table, with and without compensation."""
     table, delay = (
         simulated_table(config.simulated_table, config.specimen.building()),
         config.simulated_table.command_delay,
@@ -165,17 +155,7 @@ def figure_7(config: Config) -> MarginFigure:
 
 
 def figure_8(config: Config) -> MarginFigure:
-    """Return Figure 8: margin of the 8-story system with a perfect table and one step of delay.
-
-    Parameters
-    ----------
-    config : Config
-        The 8-story system.
-
-    Returns
-    -------
-    MarginFigure
-    """
+    """Return Figure 8: margin of the 8-story system with a perfect table and one step of delay."""
     step = config.run.time_step
     cases = (LoopCase(f"perfect table, one step ({1e3 * step:g} ms) of delay", table_sections(), None, step),)
     marks = (_mark_of(config, 'paper: 0.65, "very close"'),)

@@ -11,13 +11,13 @@ class Comparison(NamedTuple):
     Parameters
     ----------
     quantity : str
-        What it is, in words.
+        Name of the quantity.
     value : float
         The computed number.
     unit : str
         Its unit; ``"1"`` for a ratio.
     paper : str
-        What the paper states about it, in words.
+        Text of the value that the paper states.
     """
 
     quantity: str

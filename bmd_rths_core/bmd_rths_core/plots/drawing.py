@@ -17,17 +17,7 @@ from bmd_rths_core.plots.time_history import draw_time_history
 
 
 def draw(data: FigureData) -> Figure:
-    """Draw a figure in the present style of matplotlib.
-
-    Parameters
-    ----------
-    data : MarginFigure, TableResponse or TimeHistory
-        What it shows.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw a figure in the present style of matplotlib."""
     if isinstance(data, MarginFigure):
         return draw_margins(data)
     if isinstance(data, TableResponse):

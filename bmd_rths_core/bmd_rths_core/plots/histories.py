@@ -44,13 +44,7 @@ def between(time: FloatArray, values: FloatArray, window: tuple[float, float]) -
 
 
 def thinned(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a curve with the smallest and the largest value of each of many short parts.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (N,)
-        The curve. Short ones, and ones with gaps, are returned as they are.
-    """
+    """Return a curve with the smallest and the largest value of each of many short parts."""
     length = len(values) // _PARTS
     if length < 3 or not np.isfinite(values).all():
         return time, values

@@ -9,6 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.gridspec import GridSpec
 
+#: What a figure is drawn on: a page of its own, or a place on a sheet.
+Canvas = Figure | SubFigure
+
 #: Millimetres of an inch.
 _INCH = 25.4
 
@@ -23,7 +26,7 @@ ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.02), "bo
 
 
 def grid_in_mm(
-    figure: Figure | SubFigure,
+    figure: Canvas,
     rows: int,
     columns: int = 1,
     top: float = 6.0,
@@ -63,7 +66,7 @@ def grid_in_mm(
     )
 
 
-def legend_on_top(figure: Figure | SubFigure, axes: Axes, columns: int) -> None:
+def legend_on_top(figure: Canvas, axes: Axes, columns: int) -> None:
     """Put the legend of some axes above all, at the upper edge.
 
     Parameters

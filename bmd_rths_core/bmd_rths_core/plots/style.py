@@ -69,19 +69,7 @@ def new_figure(height: float, title: str) -> Figure:
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int, between: float = 0.02) -> None:
-    """Put one legend below all axes, where it covers nothing.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    axes : Axes
-        Axes that have every entry.
-    columns : int
-        Number of columns.
-    between : float
-        Room between neighbouring axes, as a share of their width.
-    """
+    """Put one legend below all axes, where it covers nothing."""
     legend = figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=columns)
     # loc="outside lower center" does this too, but Ubuntu 24.04 has matplotlib 3.6, which does not know it yet.
     top = legend.get_window_extent().y1 / figure.bbox.height

@@ -14,17 +14,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 def draw_table_response(data: TableResponse) -> Figure:
-    """Draw magnitude, phase and coherence over the frequency.
-
-    Parameters
-    ----------
-    data : TableResponse
-        What it shows.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw magnitude, phase and coherence over the frequency."""
     figure = new_figure(130.0, f"Figure {data.number}. {data.title}\n{data.note}")
     magnitude, phase, coherence = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
     measured_hertz, model_hertz = data.measured.frequencies / (2.0 * np.pi), data.frequencies / (2.0 * np.pi)

@@ -9,17 +9,7 @@ from bmd_rths_core.plots.style import BLACK, ORANGE, legend_below, new_figure
 
 
 def draw_time_history(data: TimeHistory) -> Figure:
-    """Draw the whole history and, below it, the strong motion.
-
-    Parameters
-    ----------
-    data : TimeHistory
-        What it shows.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the whole history and, below it, the strong motion."""
     figure = new_figure(110.0, f"Figure {data.number}. {data.title}: {data.motion}\n{_note(data)}")
     whole, zoom = figure.subplots(2, 1, sharey=True)
     for axes in (whole, zoom):

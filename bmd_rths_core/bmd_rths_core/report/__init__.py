@@ -1,1 +1,1 @@
-"""What a test report shows, computed from the record of a run: no drawing, no text formats."""
+"""Test reports as pages: of one run, section by section, or of several beside each other."""

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
-from bmd_rths_core.report.energy import EnergyHistory
-from bmd_rths_core.report.forces import InterfaceForces
-from bmd_rths_core.report.hysteresis import Hysteresis
-from bmd_rths_core.report.responses import FloorResponses
-from bmd_rths_core.report.run_comparison import Comparison
-from bmd_rths_core.report.timing import StepTiming
-from bmd_rths_core.report.tracking import FloorTransfer, TableFrequencies, TrackingHistory
+from bmd_rths_core.plots.layout import Canvas
 
-FigureData = (
-    FloorResponses
-    | TrackingHistory
-    | TableFrequencies
-    | FloorTransfer
-    | InterfaceForces
-    | Hysteresis
-    | EnergyHistory
-    | StepTiming
-    | Comparison
-)
+
+class Drawing(Protocol):
+    """A figure that knows what it shows, how high it has to be and how it is drawn."""
+
+    @property
+    def height(self) -> float:
+        """Height it needs, two columns of a journal wide [mm]."""
+
+    def draw(self, figure: Canvas) -> None:
+        """Draw in the present style of matplotlib.
+
+        Parameters
+        ----------
+        figure : Figure or SubFigure
+            Empty.
+        """
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,13 @@ class Picture:
 
     Parameters
     ----------
-    data : FigureData
+    drawing : Drawing
         What it shows.
     caption : str
         What is to be seen.
     """
 
-    data: FigureData
+    drawing: Drawing
     caption: str
 
 
@@ -87,6 +87,11 @@ class Folded:
 
 
 Block = Paragraph | Table | Picture | Folded
+
+
+def shown(drawing: Drawing | str, caption: str) -> Block:
+    """Return a figure with its caption, or why there is none."""
+    return Paragraph(f"Cannot be shown: {drawing}.") if isinstance(drawing, str) else Picture(drawing, caption)
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ class Document:
     title : str
         What it is about.
     verdict : str
-        The outcome, in words.
+        Sentence that states the outcome.
     good : bool
         True when nothing was wrong.
     notes : tuple of str

@@ -72,7 +72,7 @@ class Assessment:
     discrete_reason : str
         Why it could not be made; empty otherwise.
     unknown_modes : str
-        Why the table is not known well enough for a verdict, in words; empty otherwise.
+        Text that says why the table is not known well enough for a verdict; empty otherwise.
     """
 
     mass_ratio: float
@@ -123,7 +123,7 @@ class Assessment:
 
     @property
     def verdict_text(self) -> str:
-        """The verdict in words, with the numbers it rests on."""
+        """Sentence that states the verdict and the numbers it rests on."""
         if self.unknown_modes:
             return f"NO-GO: {self.unknown_modes}"
         if not self.go:

@@ -85,13 +85,7 @@ class Rational:
             raise InputError(f"pole at s = {worst:.4g} rad/s; poles in the open left half-plane are required")
 
     def response(self, frequency: FloatArray) -> ComplexArray:
-        """Return the frequency response, see `LoopElement.response`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return the frequency response."""
         s = 1j * np.asarray(frequency)
         value: ComplexArray = np.asarray(self.gain + 0.0j) * np.ones_like(s)
         for k in range(max(self.zeros.shape[-1], self.poles.shape[-1])):
@@ -103,13 +97,7 @@ class Rational:
         return np.asarray(value)
 
     def phase_variation(self, frequency: FloatArray) -> FloatArray:
-        """Return the sum of the variations of every zero and pole, each monotonic, see `LoopElement.phase_variation`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return the sum of the variations of every zero and pole, each monotonic."""
         omega, total = np.asarray(frequency)[..., None], np.zeros(np.shape(frequency))
         for roots in (self.zeros, self.poles):
             centre, width = roots.imag, np.abs(roots.real)
@@ -117,13 +105,7 @@ class Rational:
         return np.asarray(total)
 
     def gain_bound(self, frequency: float) -> float:
-        """Return the bound from the moduli of zeros and poles, see `LoopElement.gain_bound`.
-
-        Parameters
-        ----------
-        frequency : float
-            ω [rad/s].
-        """
+        """Return the bound from the moduli of zeros and poles."""
         farthest = np.max(np.abs(self.poles), initial=0.0)
         if frequency <= 2.0 * farthest or self.zeros.shape[-1] > self.poles.shape[-1]:
             return np.inf if self.poles.shape[-1] else float(np.max(np.abs(self.gain)))
@@ -175,33 +157,15 @@ class Delay:
             raise InputError(f"delay: {self.time:g} is not allowed; >= 0 s is required")
 
     def response(self, frequency: FloatArray) -> ComplexArray:
-        """Return the frequency response, see `LoopElement.response`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return the frequency response."""
         return np.asarray(np.exp(-1j * self.time * np.asarray(frequency)))
 
     def phase_variation(self, frequency: FloatArray) -> FloatArray:
-        """Return ω τ, see `LoopElement.phase_variation`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return ω τ."""
         return self.time * np.asarray(frequency)
 
     def gain_bound(self, frequency: float) -> float:
-        """Return 1, see `LoopElement.gain_bound`.
-
-        Parameters
-        ----------
-        frequency : float
-            ω [rad/s].
-        """
+        """Return 1."""
         return 1.0
 
     @property
@@ -242,33 +206,15 @@ class DiscreteCompensator:
         self._peak = 1.1 * float(np.abs(self.response(np.linspace(0.0, np.pi / time_step, points))).max())
 
     def response(self, frequency: FloatArray) -> ComplexArray:
-        """Return the frequency response, see `LoopElement.response`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return the frequency response."""
         return self._rational.response(np.exp(1j * self._time_step * np.asarray(frequency)))
 
     def phase_variation(self, frequency: FloatArray) -> FloatArray:
-        """Return the sum of the variations of every zero and pole, see `LoopElement.phase_variation`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return the sum of the variations of every zero and pole."""
         return self._rational.phase_variation(self._time_step * np.asarray(frequency))
 
     def gain_bound(self, frequency: float) -> float:
-        """Return the peak gain on the unit circle, see `LoopElement.gain_bound`.
-
-        Parameters
-        ----------
-        frequency : float
-            ω [rad/s].
-        """
+        """Return the peak gain on the unit circle."""
         return self._peak
 
     @property
@@ -313,35 +259,17 @@ class MeasuredResponse:
         return np.append(0.0, self.frequencies), np.append(0.0, np.unwrap(np.angle(self.values)))
 
     def response(self, frequency: FloatArray) -> ComplexArray:
-        """Return the interpolated response, see `LoopElement.response`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s], up to the last of the data.
-        """
+        """Return the interpolated response."""
         gain = np.exp(np.interp(frequency, self.frequencies, np.log(np.abs(self.values))))
         return np.asarray(gain * np.exp(1j * np.interp(frequency, *self._phase())))
 
     def phase_variation(self, frequency: FloatArray) -> FloatArray:
-        """Return the length of the phase curve, see `LoopElement.phase_variation`.
-
-        Parameters
-        ----------
-        frequency : ndarray
-            ω [rad/s].
-        """
+        """Return the length of the phase curve."""
         w, phase = self._phase()
         return np.asarray(np.interp(frequency, w, np.append(0.0, np.cumsum(np.abs(np.diff(phase))))))
 
     def gain_bound(self, frequency: float) -> float:
-        """Return infinity, because nothing is known above the data, see `LoopElement.gain_bound`.
-
-        Parameters
-        ----------
-        frequency : float
-            ω [rad/s].
-        """
+        """Return infinity, because nothing is known above the data."""
         return np.inf
 
     @property

@@ -67,18 +67,7 @@ class LinearSpring:
         """Nothing to forget."""
 
     def force(self, drift: float) -> float:
-        """Return the force.
-
-        Parameters
-        ----------
-        drift : float
-            Story drift [m].
-
-        Returns
-        -------
-        float
-            k times the drift [N].
-        """
+        """Return the force."""
         return self.initial_stiffness * drift
 
 
@@ -113,18 +102,7 @@ class BilinearSpring:
         self._plastic_drift = 0.0
 
     def force(self, drift: float) -> float:
-        """Move to a drift and return the force.
-
-        Parameters
-        ----------
-        drift : float
-            Story drift [m].
-
-        Returns
-        -------
-        float
-            Force [N].
-        """
+        """Move to a drift and return the force."""
         elastic = drift - self._plastic_drift
         if elastic > self._yield_drift:
             elastic = self._yield_drift
@@ -188,18 +166,7 @@ class BoucWenSpring:
         self._drift = 0.0
 
     def force(self, drift: float) -> float:
-        """Move to a drift and return the force.
-
-        Parameters
-        ----------
-        drift : float
-            Story drift [m].
-
-        Returns
-        -------
-        float
-            Force [N].
-        """
+        """Move to a drift and return the force."""
         path = (drift - self._drift) / self._yield_drift
         direction = 1.0 if path >= 0.0 else -1.0
         remaining = abs(path)

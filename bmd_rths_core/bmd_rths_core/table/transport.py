@@ -45,6 +45,11 @@ class Transport(Protocol):
     def send(self, data: bytes) -> None:
         """Send a datagram to the controller.
 
+        Parameters
+        ----------
+        data : bytes
+            The datagram.
+
         Raises
         ------
         OSError
@@ -55,7 +60,19 @@ class Transport(Protocol):
         """Return the next datagram that has arrived, without waiting; None when there is none."""
 
     def wait(self, until: float) -> bool:
-        """Wait until a datagram is there, no longer than until a time [s]; return whether one is."""
+        """Wait until a datagram is there; return whether one is.
+
+        Parameters
+        ----------
+        until : float
+            Longest wait, a time of `now` [s].
+        """
 
     def sleep(self, until: float) -> None:
-        """Wait until a time [s], whatever arrives."""
+        """Wait until a time [s], whatever arrives.
+
+        Parameters
+        ----------
+        until : float
+            A time of `now` [s].
+        """

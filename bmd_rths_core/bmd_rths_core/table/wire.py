@@ -77,7 +77,7 @@ class Interlock(IntFlag):
 
 
 def interlock_names(interlock: Interlock) -> str:
-    """Return the reasons of an interlock in words.
+    """Return a text that names the reasons of an interlock.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bmd_rths_core.analysis.run_analysis import RunAnalysis, analysed
 from bmd_rths_core.campaign.engine import CampaignRun
 from bmd_rths_core.campaign.study import Piece, PlannedRun, key_of_run, result_of_run
 from bmd_rths_core.config import Config, config_from_mapping
@@ -16,7 +17,6 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import prepare_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.analysis import RunAnalysis, analysed
 from bmd_rths_msgs_py.bag_reader import bag_is_whole, read_bag
 from bmd_rths_nodes.campaign.pool import CampaignStopped, Results, bag_of
 from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, run_on_ros
@@ -99,11 +99,11 @@ class RosRunner:
     bags : Path
         Folder of the bags, absolute.
     interrupts : sequence of int
-        Signals that have come; grows meanwhile. With the first one the campaign stops.
+        Signals received so far; a handler appends to it. The first one stops the campaign.
     log : callable
-        Tells a person a line.
+        Prints one line for the operator.
     on_progress : callable
-        Gets the state of the running test in words, every now and then.
+        Called with a text of the state of the running test, several times a second.
     """
 
     bags: Path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import fcntl
 import io
 import json
 import os
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.campaign.file_lock import lock
 
 #: Name of the file in the output folder.
 CSV_NAME, PARQUET_NAME = "campaign.csv", "campaign.parquet"
@@ -46,7 +46,7 @@ class CampaignResults:
         self.path = folder / CSV_NAME
         try:
             self._file = open(self.path, "a+b")  # noqa: SIM115  # closed by `close`
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(self._file)
         except BlockingIOError:
             raise InputError(f"{self.path}: another campaign writes it; another --output is required") from None
         except OSError as error:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.progress import BarColumn, TextColumn
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.report.analysis import RunAnalysis, analysed
-from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.error_tables import result_with_event, show_error_tables
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
+
+if TYPE_CHECKING:
+    from bmd_rths_core.analysis.run_analysis import RunAnalysis
 
 
 @click.command(epilog="Example: bmd-rths analyze bags/el_centro_1940_ns_plc_fc_20260801_101500 --report report.html")
@@ -34,7 +35,7 @@ def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
     """
     if report is not None:
         # Imported here: it takes as long as everything else for a result without a report.
-        from bmd_rths_nodes.report.files import check_report_file, write_report
+        from bmd_rths_nodes.cli.report_file import check_report_file, write_report
 
         check_report_file(report)
     results: list[dict[str, Any]] = []
@@ -68,6 +69,9 @@ _OF_MANY = ("event", "file", "variation")
 
 
 def _analysed(bag: str) -> RunAnalysis:
+    from bmd_rths_core.analysis.run_analysis import analysed
+    from bmd_rths_msgs_py.bag_reader import read_bag
+
     record = read_bag(bag)
     if record.outcome == "cut":
         log(f"warning: {bag}: {record.reason}")

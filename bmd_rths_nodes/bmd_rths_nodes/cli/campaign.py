@@ -8,35 +8,27 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import yaml
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from bmd_rths_core.analysis.assumptions import assumptions
-from bmd_rths_core.campaign.motions import CampaignMotion, read_motions
-from bmd_rths_core.campaign.study import Piece, Study
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.campaign.pool import (
-    CampaignStopped,
-    PieceRunner,
-    Results,
-    bag_of,
-    has_bag,
-    in_process,
-    in_processes,
-    on_cluster,
-)
-from bmd_rths_nodes.campaign.results import CampaignResults
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.error_tables import show_error_tables
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
+from bmd_rths_nodes.cli.ros_required import require_ros
+
+if TYPE_CHECKING:
+    from bmd_rths_core.campaign.motions import CampaignMotion
+    from bmd_rths_core.campaign.study import Piece, Study
+    from bmd_rths_core.config import Config
+    from bmd_rths_nodes.campaign.pool import Results
+    from bmd_rths_nodes.campaign.results import CampaignResults
 
 #: Runs for which it is worth to start one more process.
 _WORTH_A_PROCESS = 64
@@ -105,6 +97,16 @@ def campaign(
         raise InputError("--jobs, --scheduler: only one of them is possible")
     if on_ros and (jobs is not None or scheduler is not None):
         raise InputError("--ros: one run after the other; neither --jobs nor --scheduler is possible")
+    if on_ros:
+        require_ros("campaign --ros")
+    from concurrent.futures.process import BrokenProcessPool
+
+    from bmd_rths_core.analysis.assumptions import assumptions
+    from bmd_rths_core.campaign.motions import read_motions
+    from bmd_rths_core.campaign.study import Study
+    from bmd_rths_nodes.campaign.pool import CampaignStopped
+    from bmd_rths_nodes.campaign.results import CampaignResults
+
     config = choice.resolve().changed(table__controller="simulated")
     vary = dict(_variation(text) for text in variations)
     names = _schemes(schemes)
@@ -139,21 +141,23 @@ def _run(
     study: Study, results: CampaignResults, bags: Path | None, jobs: int | None, scheduler: str | None
 ) -> tuple[list[str], int]:
     """Run what has no result yet; return the keys of all runs in their order, and how many were not run again."""
+    from bmd_rths_nodes.campaign import pool
+
     keys: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with progress_bar(*columns) as progress:
         task = progress.add_task("runs", total=study.size)
         pending = _pending(study, results, bags, keys, lambda runs: progress.advance(task, runs))
-        run = PieceRunner(bags)
-        processes = jobs or min(len(os.sched_getaffinity(0)), 1 + study.size // _WORTH_A_PROCESS)
+        run = pool.PieceRunner(bags)
+        processes = jobs or min(_usable_cores(), 1 + study.size // _WORTH_A_PROCESS)
         if study.engine and bags is not None:
             finished = _on_ros(pending, bags, lambda text: progress.update(task, description=f"{text}; runs"))
         elif scheduler is not None:
-            finished = on_cluster(pending, run, scheduler)
+            finished = pool.on_cluster(pending, run, scheduler)
         elif processes == 1:
-            finished = in_process(pending, run)
+            finished = pool.in_process(pending, run)
         else:
-            finished = in_processes(pending, run, processes)
+            finished = pool.in_processes(pending, run, processes)
         ran = 0
         for piece in finished:
             ran += len(piece)
@@ -162,9 +166,15 @@ def _run(
     return keys, len(keys) - ran
 
 
+def _usable_cores() -> int:
+    """Return the cores this process may use, or all where the system does not tell (macOS, Windows)."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _study_on_ros(
     config: Config, motions: Sequence[CampaignMotion], schemes: Sequence[str], vary: Mapping[str, Sequence[object]]
 ) -> Study:
+    from bmd_rths_core.campaign.study import Study
     from bmd_rths_nodes.campaign.on_ros import DECIDED, ENGINE
 
     for name in vary:
@@ -212,6 +222,7 @@ def _pending(
     study: Study, results: CampaignResults, bags: Path | None, keys: list[str], skipped: Callable[[int], None]
 ) -> Iterator[Piece]:
     """Return what is left to run, and note the keys of all runs."""
+    from bmd_rths_nodes.campaign.pool import has_bag
 
     def is_done(key: str) -> bool:
         return key in results and (bags is None or has_bag(results.read(key), bags))
@@ -225,6 +236,8 @@ def _pending(
 
 
 def _told(result: dict[str, Any], bags: Path | None) -> dict[str, Any]:
+    from bmd_rths_nodes.campaign.pool import bag_of
+
     return result if bags is None else {**result, "bag": str(bag_of(result, bags))}
 
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import functools
 import os
+import site
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import yaml
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
-from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.library import shipped_records
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
 
 Command = Callable[..., Any]
 
@@ -64,6 +64,9 @@ class ConfigChoice:
         InputError
             Anything is wrong with it.
         """
+        from bmd_rths_core.config import load_config
+        from bmd_rths_core.ground_motion.library import shipped_records
+
         changes |= parsed_settings(self.settings)
         options = {
             "run__scheme": self.scheme,
@@ -102,6 +105,8 @@ def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
     InputError
         One of them is malformed.
     """
+    import yaml
+
     changes: dict[str, object] = {}
     for setting in settings:
         name, equals, value = setting.partition("=")
@@ -175,11 +180,11 @@ def configured(*names: str, default: str | None = None) -> Callable[[Command], C
 
 def installed_configs() -> dict[str, Path]:
     """Return the configurations that are installed with the package, by name."""
-    try:
-        share = Path(get_package_share_directory("bmd_rths_nodes"))
-    except (PackageNotFoundError, OSError):  # the latter when no ROS environment is sourced
-        share = Path(sys.prefix) / "share" / "bmd_rths_nodes"
-    return {path.stem: path for path in sorted((share / "config").glob("*.yaml"))}
+    sourced = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    prefixes = (*sourced, Path(sys.prefix), Path(site.getuserbase()))  # colcon, pip, pip --user
+    folders = (prefix / "share" / "bmd_rths_nodes" / "config" for prefix in prefixes)
+    folder = next((folder for folder in folders if folder.is_dir()), None)
+    return {} if folder is None else {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
 def _config_path(config: str) -> Path:

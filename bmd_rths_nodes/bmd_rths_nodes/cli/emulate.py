@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import signal
 from functools import partial
+from typing import TYPE_CHECKING
 
 import click
 
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.loop.build import make_virtual_controller
-from bmd_rths_core.table.config import parse_address
-from bmd_rths_core.table.emulated.faults import KINDS, Faults, parse_fault
-from bmd_rths_core.table.wire import Interlock, interlock_names
+from bmd_rths_core.table.emulated.fault_kinds import KINDS
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, log
-from bmd_rths_nodes.hardware.emulator import Emulator
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
+    from bmd_rths_nodes.hardware.emulator import Emulator
 
 _FAULTS = "; ".join(f"{name}{f' [{unit}]' if unit else ''}: {meaning}" for name, (meaning, unit, _, _) in KINDS.items())
 
@@ -44,6 +44,8 @@ def emulate(
     the end. With --json the first line on standard output is one object with the port, when it is ready. Faults can be
     changed at run time on the control port.
     """
+    from bmd_rths_core.table.wire import Interlock, interlock_names
+
     resolved = choice.resolve()
     if plant is not None:
         resolved = resolved.changed(virtual_controller__model=plant)
@@ -79,6 +81,11 @@ def make_emulator(config: Config, address: str, faults: tuple[str, ...] = ()) ->
     InputError
         A fault or the address is wrong, or cannot be used.
     """
+    from bmd_rths_core.loop.build import make_virtual_controller
+    from bmd_rths_core.table.config import parse_address
+    from bmd_rths_core.table.emulated.faults import Faults, parse_fault
+    from bmd_rths_nodes.hardware.emulator import Emulator
+
     parse = partial(parse_fault, model=config.virtual_controller.model, floors=len(config.specimen.masses))
     active = Faults(parse(text) for text in faults)
     host, port = parse_address("--listen", address, any_port=True)

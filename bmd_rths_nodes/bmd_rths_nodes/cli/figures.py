@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 from rich.console import Console
@@ -14,15 +14,17 @@ from rich.progress import BarColumn, TextColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.paper_figures.catalogue import FigureData, figure_data
-from bmd_rths_core.paper_figures.systems import FIGURES, system_of
-from bmd_rths_core.paper_figures.time_history import TimeHistory
 from bmd_rths_core.plots import FORMATS
 from bmd_rths_nodes.cli.configuration import ConfigChoice
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
+    from bmd_rths_core.paper_figures.catalogue import FigureData
+
+    Writer = Callable[[FigureData, Path, Sequence[str]], list[Path]]
+    Drawn = tuple[FigureData, list[Path]]
 
 #: Configurations of the two systems of the paper, installed with this package.
 _PAPER = ("eight_story_bmd", "simplified_bmd")
@@ -31,14 +33,12 @@ _PAPER = ("eight_story_bmd", "simplified_bmd")
 _TEST = 13
 
 T = TypeVar("T")
-Writer = Callable[[FigureData, Path, Sequence[str]], list[Path]]
-Drawn = tuple[FigureData, list[Path]]
 
 
 @click.command(epilog="Example: bmd-rths figures config/simplified_bmd.yaml --only 10,11 --output figures")
 @click.argument("configs", metavar="[CONFIG]...", nargs=-1)
 @click.option("--output", type=click.Path(path_type=Path), default="figures", show_default=True, help="Folder.")
-@click.option("--only", metavar="NUMBERS", help=f"Some of {','.join(map(str, FIGURES))}.")
+@click.option("--only", metavar="NUMBERS", help="Some of 6,7,8,10,11,13.")
 @click.option("--motion", metavar="FILE", help="Ground-motion record of Figure 13.")
 @click.option(
     "--format", "formats", default=",".join(FORMATS), show_default=True, help=f"Some of {', '.join(FORMATS)}."
@@ -53,6 +53,9 @@ def figures(
     and 8 show the 8-story system, 10, 11 and 13 the simplified one. --motion is the record of Figure 13, whose test
     is run in process with phase-lead compensation and force correction.
     """
+    from bmd_rths_core.ground_motion.config import select_ground_motion
+    from bmd_rths_core.paper_figures.time_history import TimeHistory
+
     wanted = _figures_of(configs or _PAPER, motion, only)
     if _TEST in wanted:
         select_ground_motion(wanted[_TEST].ground_motion, wanted[_TEST].run.time_step)  # a wrong record is told at once
@@ -71,6 +74,8 @@ def figures(
 
 def _figures_of(configs: Sequence[str], motion: str | None, only: str | None) -> dict[int, Config]:
     """Return the figures to draw and the configuration of each."""
+    from bmd_rths_core.paper_figures.systems import system_of
+
     found: dict[int, Config] = {}
     for name in configs:
         config = ConfigChoice(name, motion=motion).resolve()
@@ -110,6 +115,8 @@ def _writer() -> Writer:
 
 
 def _draw(wanted: Mapping[int, Config], write: Callable[[FigureData], list[Path]]) -> list[Drawn]:
+    from bmd_rths_core.paper_figures.catalogue import figure_data
+
     drawn: list[Drawn] = []
     with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
         task = progress.add_task("", total=len(wanted))

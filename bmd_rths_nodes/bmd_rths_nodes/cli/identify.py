@@ -7,7 +7,7 @@ import json
 import math
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -15,22 +15,17 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.table import Table
 
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.identification.excitation import EXCITATION_KINDS, ExcitationSettings, excitation_command
-from bmd_rths_core.identification.excited_table import DrivingStopped, Responses, drive, responses_of
-from bmd_rths_core.identification.output import frequency_response_text, model_text
-from bmd_rths_core.identification.specimen_model import SpecimenModel, identify_specimen
-from bmd_rths_core.identification.spectral_lines import LEAST_COHERENCE
-from bmd_rths_core.identification.table_model import LARGEST_ORDER, TableModel, identify_table
-from bmd_rths_core.loop.build import make_supervisor
-from bmd_rths_core.safety import Action
-from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar
-from bmd_rths_nodes.hardware.clock import MonotonicClock
-from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
+    from bmd_rths_core.identification.excitation import ExcitationSettings
+    from bmd_rths_core.identification.excited_table import Responses
+    from bmd_rths_core.identification.specimen_model import SpecimenModel
+    from bmd_rths_core.identification.table_model import TableModel
 
 #: Largest command without --amplitude [m/s²]. A sweep dwells at each resonance of the specimen, so it has less.
 _AMPLITUDES = {"noise": 2.0, "sweep": 0.4}
@@ -42,7 +37,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @configured("table")
 @click.option("--what", type=click.Choice(("table", "specimen", "both")), default="both", help="What to identify.")
 @click.option("--bag", metavar="BAG", help="Take a recorded test instead of moving the table.")
-@click.option("--excitation", type=click.Choice(EXCITATION_KINDS), default="noise", help="How the table is moved.")
+@click.option("--excitation", type=click.Choice(tuple(_AMPLITUDES)), default="noise", help="How the table is moved.")
 @click.option("--band", nargs=2, type=float, default=(0.5, 25.0), metavar="LOW HIGH", help="Band in Hz [0.5 25].")
 @click.option("--delay-band", nargs=2, type=float, default=(0.5, 8.0), metavar="LOW HIGH", help="Of alpha, Hz [0.5 8].")
 @click.option("--amplitude", type=float, metavar="M_S2", help="Largest command in m/s2 [noise 2, sweep 0.4].")
@@ -74,6 +69,10 @@ def identify(
     Moves the table with noise or a sweep of limited acceleration, from rest to rest, and fits models to the measured
     accelerations. Begin with a small amplitude: a resonance multiplies it. With --bag nothing moves.
     """
+    from bmd_rths_core.identification.excitation import ExcitationSettings
+    from bmd_rths_core.identification.excited_table import DrivingStopped, responses_of
+    from bmd_rths_msgs_py.bag_reader import read_bag
+
     if bag is not None:
         _refuse_excitation()
     resolved = choice.resolve(**({} if seed is None else {"run__seed": seed}))
@@ -121,6 +120,13 @@ def _refuse_excitation() -> None:
 
 
 def _drive(config: Config, excited: ExcitationSettings) -> Responses:
+    from bmd_rths_core.identification.excitation import excitation_command
+    from bmd_rths_core.identification.excited_table import drive
+    from bmd_rths_core.loop.build import make_supervisor
+    from bmd_rths_core.safety import Action
+    from bmd_rths_nodes.hardware.clock import MonotonicClock
+    from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
+
     commands = excitation_command(excited, config.run.time_step)
     # A ramp does not hurt the specimen, and a controller whose answers are lost may hear the commands all the same.
     supervisor = make_supervisor(config.changed(safety__stale_controller_action=Action.RAMP.name.lower()))
@@ -172,6 +178,9 @@ def _identified(
     delay_band: tuple[float, float],
     order: int | None,
 ) -> tuple[TableModel | None, SpecimenModel | None]:
+    from bmd_rths_core.identification.specimen_model import identify_specimen
+    from bmd_rths_core.identification.table_model import identify_table
+
     table = specimen = None
     with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
         if what != "specimen":
@@ -192,6 +201,8 @@ def _write(
     result: dict[str, Any],
 ) -> dict[str, str]:
     """Write what was asked for and return the files."""
+    from bmd_rths_core.identification.output import frequency_response_text, model_text
+
     files = {}
     try:
         if output is not None:
@@ -266,6 +277,8 @@ def _coherence(summary: dict[str, Any]) -> str:
     text = f"{summary['smallest']:.3f} and more, median {summary['median']:.3f}"
     bands = [f"{lowest:.2f}-{highest:.2f}" for lowest, highest in summary["incoherent_bands_hz"]]
     if bands:
+        from bmd_rths_core.identification.spectral_lines import LEAST_COHERENCE
+
         text += f"; below {LEAST_COHERENCE:g} and not used: {', '.join(bands)} Hz"
     return text
 
@@ -278,6 +291,8 @@ def _words(excited: ExcitationSettings) -> str:
 def _order(text: str) -> int | None:
     if text == "auto":
         return None
+    from bmd_rths_core.identification.table_model import LARGEST_ORDER
+
     if not text.isdigit() or not 1 <= int(text) <= LARGEST_ORDER:
         raise InputError(f"--order {text}: auto or a whole number from 1 to {LARGEST_ORDER} is required")
     return int(text)

@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console, Group, RenderableType
@@ -18,8 +18,10 @@ from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log
 from bmd_rths_nodes.cli.results import without_nan
-from bmd_rths_nodes.run.graph_state import COUNTS, take_snapshot
-from bmd_rths_nodes.run.monitor import RunMonitor
+from bmd_rths_nodes.cli.ros_required import require_ros
+
+if TYPE_CHECKING:
+    from bmd_rths_nodes.run.monitor import RunMonitor
 
 #: Time between two pictures [s]; nodes tell their status once a second while a test runs.
 _PERIOD = 0.25
@@ -45,6 +47,9 @@ def monitor(once: bool, as_json: bool) -> int:
     It only listens to /diagnostics; a test neither notices it nor waits for it. Ctrl-C ends it and nothing else.
     --json implies --once.
     """
+    require_ros("monitor")
+    from bmd_rths_nodes.run.monitor import RunMonitor
+
     with collected_interrupts() as interrupts, RunMonitor() as run:
         if once or as_json:
             return _print_once(run, as_json, interrupts)
@@ -89,6 +94,8 @@ def _nothing() -> str:
 
 
 def _snapshot(run: RunMonitor) -> dict[str, Any]:
+    from bmd_rths_nodes.run.graph_state import take_snapshot
+
     now = time.perf_counter()
     return take_snapshot(run.status, {role: now - heard for role, heard in run.heard.items()}, run.nodes_there())
 
@@ -108,6 +115,8 @@ def _page(snapshot: dict[str, Any]) -> RenderableType:
 
 
 def _nodes(nodes: dict[str, Any]) -> Table:
+    from bmd_rths_nodes.run.graph_state import COUNTS
+
     table = Table(title="nodes", title_justify="left", title_style="bold")
     for column in ("node", "state", "messages lost", "told"):
         table.add_column(column)

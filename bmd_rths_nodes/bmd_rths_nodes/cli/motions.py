@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -14,8 +14,10 @@ from rich.table import Table
 from rich.text import Text
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.catalogue import CatalogueEntry, catalogue, record_files
 from bmd_rths_nodes.cli.options import json_option, progress_bar
+
+if TYPE_CHECKING:
+    from bmd_rths_core.ground_motion.catalogue import CatalogueEntry
 
 #: Most characters of a line of the table.
 _WIDTH = 250
@@ -41,6 +43,8 @@ def motions(folder: Path, as_json: bool) -> int:
     f is the frequency of the peak of the power spectral density of the acceleration (Welch, segments of 10 s), D5-95
     the significant duration. PGV is integrated from rest without any correction.
     """
+    from bmd_rths_core.ground_motion.catalogue import catalogue, record_files
+
     paths = record_files(folder)
     records: list[dict[str, Any]] = []
     not_read: list[dict[str, str]] = []

@@ -7,12 +7,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
-from rich.progress import Progress, ProgressColumn
 
 from bmd_rths_core.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 
@@ -64,6 +66,9 @@ def output_folder(folder: Path) -> Iterator[None]:
 
 def progress_bar(*columns: ProgressColumn) -> Progress:
     """Return a progress display on standard error that leaves nothing behind, and is silent where nobody watches."""
+    from rich.console import Console  # a help text does not wait for it
+    from rich.progress import Progress
+
     console = Console(stderr=True)
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 

@@ -1,15 +1,17 @@
-"""The pre-flight of ``bmd-rths run``: predict, refuse what must not be run, and tell what is to be expected."""
+"""The pre-flight of ``bmd-rths run``: predict, refuse what must not be run, and say what to expect."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from bmd_rths_core.analysis.preflight import Preflight, predict_test
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_nodes.cli.options import progress_bar
 from bmd_rths_nodes.cli.results import without_nan
+
+if TYPE_CHECKING:
+    from bmd_rths_core.analysis.preflight import Preflight
+    from bmd_rths_core.config import Config
+    from bmd_rths_core.ground_motion.motion import GroundMotion
 
 
 def checked(config: Config, motion: GroundMotion) -> Preflight | None:
@@ -34,6 +36,8 @@ def checked(config: Config, motion: GroundMotion) -> Preflight | None:
     """
     if config.run.preflight == "skip":
         return None
+    from bmd_rths_core.analysis.preflight import predict_test
+
     with progress_bar() as progress:
         task = progress.add_task("pre-flight", total=motion.steps)
         preflight = predict_test(config, motion, lambda done: progress.update(task, completed=done))

@@ -6,7 +6,7 @@ import contextlib
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -14,21 +14,19 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from bmd_rths_core.analysis.replay import Replay, SignalDifference, answered_replay, changed_parameters
-from bmd_rths_core.analysis.replay import replay as replay_in_process
-from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.record import RunRecord
-from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_msgs_py.topics import FORCE_CORRECTION, SHEAR_ESTIMATOR
 from bmd_rths_nodes.cli.configuration import model_option, parsed_settings, set_option
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import without_nan
-from bmd_rths_nodes.ros.playback import NotReady, Playback
+from bmd_rths_nodes.cli.ros_required import require_ros
 from bmd_rths_nodes.run.bag_names import new_bag_directory
-from bmd_rths_nodes.run.monitor import RunMonitor
+
+if TYPE_CHECKING:
+    from bmd_rths_core.analysis.replay import Replay, SignalDifference
+    from bmd_rths_core.config import Config
+    from bmd_rths_core.record import RunRecord
 
 
 @click.command(epilog="Example: bmd-rths replay bags/el_centro_plc_fc_20260801_101500 --set force_correction.gain=0.3")
@@ -69,6 +67,13 @@ def replay(
         raise InputError("--ros, --set, --model: not together; the nodes that answer have parameters of their own")
     if not ros and (rate is not None or peers is not None):
         raise InputError("--rate, --wait-for: only possible with --ros")
+    if ros:
+        require_ros("replay --ros")
+    from bmd_rths_core.analysis.replay import changed_parameters
+    from bmd_rths_core.analysis.replay import replay as replay_in_process
+    from bmd_rths_core.config import config_from_mapping
+    from bmd_rths_msgs_py.bag_reader import read_bag
+
     record = read_bag(bag)
     if record.outcome == "cut":
         log(f"warning: {bag}: {record.reason}")
@@ -99,6 +104,11 @@ def _changed(config: Config, models: tuple[str, ...], settings: tuple[str, ...])
 
 def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | None, as_json: bool) -> int:
     """Play, and compare the answers; 1 when it could not be brought to an end."""
+    from bmd_rths_core.analysis.replay import answered_replay
+    from bmd_rths_core.config import config_from_mapping
+    from bmd_rths_nodes.ros.playback import NotReady, Playback
+    from bmd_rths_nodes.run.monitor import RunMonitor
+
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
     with (
         collected_interrupts() as interrupts,
@@ -147,6 +157,8 @@ def _result_of(done: Replay) -> dict[str, Any]:
 def _finish(done: Replay, result: dict[str, Any], output: Path | None, as_json: bool) -> None:
     """Write the bag and print the result."""
     if output is not None:
+        from bmd_rths_msgs_py.record_bag import write_record
+
         replayed = done.replayed
         directory = new_bag_directory(output, replayed.motion["name"], replayed.configuration["run"]["scheme"])
         result["output"] = str(write_record(replayed, directory))

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from bmd_rths_core.analysis.assumptions import assumptions
-from bmd_rths_core.report.analysis import RunAnalysis
+if TYPE_CHECKING:
+    from bmd_rths_core.analysis.run_analysis import RunAnalysis
 
 
 def result_of(analysis: RunAnalysis) -> dict[str, Any]:
@@ -28,6 +25,8 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     dict
         The object of ``--json``. Errors of a run that a limit ended are None.
     """
+    from bmd_rths_core.analysis.assumptions import assumptions
+
     record, metrics = analysis.record, analysis.metrics
     result = {
         "scheme": record.configuration["run"]["scheme"],
@@ -68,6 +67,10 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(result))
         return
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
     title = f"{result['motion']}, {result['scheme']}: {result['outcome']} ({result['reason']})"
     table = Table(title=Text(title), title_justify="left", show_header=False, title_style="bold")
     for floor, value in result["rmse_percent"].items():
@@ -95,7 +98,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
 
 
 def _table_peaks(peaks: dict[str, float | None]) -> str:
-    """Return the peaks of the table's motion in words."""
+    """Return a text of the peaks of the table's motion."""
     parts = (("displacement", 1e3, "mm"), ("velocity", 1e3, "mm/s"), ("acceleration", 1.0, "m/s²"))
     return ", ".join(
         _number(None if (value := peaks[name]) is None else scale * value, unit) for name, scale, unit in parts

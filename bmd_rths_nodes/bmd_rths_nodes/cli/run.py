@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-from bmd_rths_core.config import Config
-from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.analysis import analysed
-from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
-from bmd_rths_nodes.hardware.controllers import make_table_controller
-from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES, run_on_ros
-from bmd_rths_nodes.run.follower import RunFailed
-from bmd_rths_nodes.run.monitor import RunMonitor
+from bmd_rths_nodes.cli.ros_required import require_ros
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
+    from bmd_rths_core.record import RunRecord
+    from bmd_rths_nodes.run.monitor import RunMonitor
 
 _TOO_SLOW = (
     "{} deadlines were missed, at most {} in a row{}. "
@@ -55,6 +53,15 @@ def run(
     computes the errors from the bag. Ctrl-C ends the test in order and brings the table to rest; a second one stops it
     at once, a third one does not wait for the bag.
     """
+    require_ros("run")
+    from bmd_rths_core.analysis.run_analysis import analysed
+    from bmd_rths_core.ground_motion.config import select_ground_motion
+    from bmd_rths_msgs_py.bag_reader import read_bag
+    from bmd_rths_nodes.hardware.controllers import make_table_controller
+    from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES
+    from bmd_rths_nodes.run.follower import RunFailed
+    from bmd_rths_nodes.run.monitor import RunMonitor
+
     resolved = choice.resolve(run__record=True)
     if lockstep:
         resolved = resolved.changed(run__lockstep=True)
@@ -95,6 +102,8 @@ def _explain_misses(record: RunRecord) -> None:
 
 def _run(config: Config, steps: int, modules: tuple[str, ...], monitor: RunMonitor) -> Path:
     """Run the processes to the end of the test, show progress, and return the bag."""
+    from bmd_rths_nodes.run.execute import run_on_ros
+
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
     with collected_interrupts() as interrupts, progress_bar(*columns, TimeElapsedColumn()) as progress:
         task = progress.add_task("starting", total=steps)

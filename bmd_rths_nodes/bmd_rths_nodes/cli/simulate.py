@@ -7,10 +7,6 @@ from pathlib import Path
 
 import click
 
-from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.report.analysis import analysed
-from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
@@ -23,6 +19,10 @@ from bmd_rths_nodes.run.bag_names import new_bag_directory
 @json_option
 def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
+    from bmd_rths_core.analysis.run_analysis import analysed
+    from bmd_rths_core.ground_motion.config import select_ground_motion
+    from bmd_rths_core.loop.rths_loop import RthsLoop
+
     resolved = choice.resolve(table__controller="simulated")
     ground_motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     with output_folder(output) if output is not None else nullcontext():
@@ -31,6 +31,8 @@ def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
             record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
         result = result_of(analysed(record))
         if output is not None:
+            from bmd_rths_msgs_py.record_bag import write_record
+
             directory = new_bag_directory(output, ground_motion.name, resolved.run.scheme)
             result["bag"] = str(write_record(record, directory))
     show(result, as_json)

@@ -6,25 +6,26 @@ import dataclasses
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 from rich.table import Table
 
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.stability.analysed_loops import ALL, AnalysisOptions, sweep
-from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
-from bmd_rths_core.stability.confirmation import Confirmation, confirm
-from bmd_rths_core.stability.continuous import MarginCurve
-from bmd_rths_core.stability.loop_elements import MeasuredResponse
-from bmd_rths_core.stability.response_file import read_frequency_response
-from bmd_rths_core.stability.sensitivity import ChangedParameter, ParameterSensitivity, sensitivity
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, progress_bar
 from bmd_rths_nodes.cli.results import without_nan
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
+    from bmd_rths_core.stability.analysed_loops import AnalysisOptions
+    from bmd_rths_core.stability.assessment import Analysis, Assessment
+    from bmd_rths_core.stability.confirmation import Confirmation
+    from bmd_rths_core.stability.continuous import MarginCurve
+    from bmd_rths_core.stability.loop_elements import MeasuredResponse
+    from bmd_rths_core.stability.sensitivity import ChangedParameter, ParameterSensitivity
 
 #: Longest pure delay of --table [ms], that of simulated_table.command_delay.
 _LONGEST_DELAY = 1000.0
@@ -48,7 +49,7 @@ _WIDTH = 116
 )
 @click.option(
     "--modes",
-    default=ALL,
+    default="all",
     metavar="identified|N|all",
     help="Modes of the specimen in Eqs. 7 and 8: the identified first one, the first N, or all. The two other analyses "
     "always have all.",
@@ -83,6 +84,10 @@ def stability(
     Three analyses stand side by side: Eqs. 7 and 8 of the paper, the same with all modes and the delay of the loop,
     and the eigenvalues of the loop as it is run, confirmed in the time domain. The exit status is 0 for both verdicts.
     """
+    from bmd_rths_core.stability.analysed_loops import AnalysisOptions, sweep
+    from bmd_rths_core.stability.assessment import assess
+    from bmd_rths_core.stability.confirmation import confirm
+
     resolved, measured = _with_table(choice.resolve(), table)
     options = AnalysisOptions(int(modes) if modes.removeprefix("-").isdecimal() else modes, feedback_delay, measured)
     assessment = assess(resolved, options)
@@ -140,10 +145,14 @@ def _with_table(config: Config, table: str) -> tuple[Config, MeasuredResponse | 
         return dataclasses.replace(config, simulated_table=config.merged(table).simulated_table), None
     if not (table.endswith(".csv") or Path(table).is_file()):
         raise InputError(f"--table {table}: unknown; identified, perfect, delay:MS, a YAML or a CSV file is required")
+    from bmd_rths_core.stability.response_file import read_frequency_response
+
     return config, read_frequency_response(table)
 
 
 def _sensitivity(config: Config, options: AnalysisOptions) -> list[ParameterSensitivity]:
+    from bmd_rths_core.stability.sensitivity import sensitivity
+
     with progress_bar(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %")
     ) as progress:

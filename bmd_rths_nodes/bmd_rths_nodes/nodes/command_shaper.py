@@ -15,7 +15,6 @@ class CommandShaperNode(StageNode):
     """Node around `bmd_rths_core.compensators.phase_lead.CommandShaper`."""
 
     ROLE = COMMAND_SHAPER
-    SECTIONS = ("run", "command_shaper")
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics."""

@@ -15,7 +15,6 @@ class ForceCorrectionNode(StageNode):
     """Node around `bmd_rths_core.stages.force_correction.ForceCorrection`."""
 
     ROLE = FORCE_CORRECTION
-    SECTIONS = ("run", "force_correction")
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics."""

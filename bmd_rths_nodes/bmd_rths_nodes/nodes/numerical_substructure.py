@@ -36,7 +36,6 @@ class NumericalSubstructureNode(StageNode):
     """
 
     ROLE = NUMERICAL_SUBSTRUCTURE
-    SECTIONS = ("run", "ground_motion", "numerical_substructure", "nonlinear", "safety")
 
     _conductor: Conductor
 

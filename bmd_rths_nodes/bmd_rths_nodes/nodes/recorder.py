@@ -12,7 +12,7 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 
-from bmd_rths_core.config import SECTIONS, Config
+from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.record import TimingStatistics, provenance
@@ -71,7 +71,6 @@ class RecorderNode(StageNode):
     """
 
     ROLE = RECORDER
-    SECTIONS = tuple(SECTIONS)
 
     def configure_stage(self, config: Config) -> None:
         """Subscribe to every topic."""

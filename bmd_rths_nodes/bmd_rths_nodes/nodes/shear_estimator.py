@@ -16,7 +16,6 @@ class ShearEstimatorNode(StageNode):
     """Node around `bmd_rths_core.stages.shear_estimator.ShearEstimator`."""
 
     ROLE = SHEAR_ESTIMATOR
-    SECTIONS = ("run", "shear_estimator", "specimen")
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics."""

@@ -36,7 +36,6 @@ class TableDriverNode(StageNode):
     """
 
     ROLE = TABLE_DRIVER
-    SECTIONS = ("run", "safety", "table", "simulated_table", "specimen")
 
     _driver: TableDriver
     _test_runs_until = 0.0

@@ -14,6 +14,8 @@ REPEAT_TIME = 0.5
 def ending_signals() -> tuple[signal.Signals, ...]:
     """Return SIGINT, SIGTERM, and SIGHUP, which the end of a terminal sends, unless it is ignored (``nohup``)."""
     always = (signal.SIGINT, signal.SIGTERM)
+    if not hasattr(signal, "SIGHUP"):  # Windows
+        return always
     return always if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (*always, signal.SIGHUP)
 
 

@@ -48,7 +48,7 @@ def read_configuration(node: Node) -> Config:
     return config_from_mapping(mapping)
 
 
-def declare_configuration(node: Node, config: Config, sections: Iterable[str]) -> None:
+def declare_configuration(node: Node, config: Config, sections: Iterable[str] | None) -> None:
     """Declare the parameters of some sections with their resolved values.
 
     Parameters
@@ -57,10 +57,10 @@ def declare_configuration(node: Node, config: Config, sections: Iterable[str]) -
         The node.
     config : Config
         Resolved configuration.
-    sections : iterable of str
-        Names of the sections this node uses.
+    sections : iterable of str, optional
+        Names of the sections this node uses; all of them by default.
     """
-    for section in sections:
+    for section in SECTIONS if sections is None else sections:
         values = config.as_mapping()[section]
         for key, spec in specs(SECTIONS[section]).items():
             value = values[key]

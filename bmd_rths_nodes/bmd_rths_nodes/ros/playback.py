@@ -113,7 +113,7 @@ class Playback:
         roles : collection of str
             Names of the nodes.
         interrupts : sequence of int
-            Signals that have come; grows meanwhile, and ends the waiting.
+            Signals received so far; a handler appends to it. The first one ends the waiting.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Playback:
         rate : float
             How much faster than recorded [1].
         interrupts : sequence of int
-            Signals that have come; grows meanwhile, and ends the playback.
+            Signals received so far; a handler appends to it. The first one ends the playback.
         progress : callable
             Called with the number of steps that were published.
         """

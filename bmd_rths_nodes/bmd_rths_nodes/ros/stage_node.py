@@ -22,6 +22,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.cdr import MalformedMessage
 from bmd_rths_msgs_py.topics import NAMESPACE, RECORDER, Topic
+from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
@@ -46,7 +47,7 @@ _TAKING_PART = (NodeState.WAITING, NodeState.READY, NodeState.RUNNING)
 class StageNode(LifecycleNode, ABC):
     """A managed node around one stage: converts in, calls the stage, converts out, publishes.
 
-    Subclasses name their role and sections, make their stage and topics in `configure_stage`, and forget the past in
+    Subclasses name their role, make their stage and topics in `configure_stage`, and forget the past in
     `reset_stage`. Everything is driven by the messages and by `poll`, which the spin loop calls; there are no timers.
 
     Parameters
@@ -56,7 +57,6 @@ class StageNode(LifecycleNode, ABC):
     """
 
     ROLE: ClassVar[str]
-    SECTIONS: ClassVar[tuple[str, ...]]
 
     steps: int
     _steps_told: int
@@ -65,7 +65,7 @@ class StageNode(LifecycleNode, ABC):
         super().__init__(self.ROLE, namespace=NAMESPACE)
         self._intra_process = intra_process
         self.config: Config = read_configuration(self)
-        declare_configuration(self, self.config, self.SECTIONS)
+        declare_configuration(self, self.config, ROLES[self.ROLE].sections)
         self.declare_parameter(
             "autostart", True, ParameterDescriptor(description="Configure and activate the node when it starts")
         )

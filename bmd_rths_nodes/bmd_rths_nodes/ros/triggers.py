@@ -1,4 +1,4 @@
-"""Services of the type std_srvs/Trigger: what an operator asks of a node, and its answer in words."""
+"""Services of the type std_srvs/Trigger: what an operator asks of a node, and the text it answers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def offer(node: Node, services: Mapping[str, Callable[[], str]]) -> None:
     node : Node
         The node.
     services : Mapping of str to callable
-        By name, what each does. It returns what was done, in words, or raises `Refused`.
+        By name, what each does. It returns a text of what was done, or raises `Refused`.
     """
     for name, action in services.items():
         node.create_service(Trigger, f"~/{name}", _handler(action))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES, module_of
 from bmd_rths_nodes.run.domain_lock import domain_lock
 from bmd_rths_nodes.run.follower import RunFollower
 from bmd_rths_nodes.run.monitor import RunMonitor
@@ -17,15 +18,8 @@ from bmd_rths_nodes.run.operator_stop import OperatorStop
 from bmd_rths_nodes.run.processes import Supervisor
 
 #: The modules of the processes of a test; the one with the numerical substructure is the first.
-PROCESSES = (
-    "bmd_rths_nodes.nodes.numerical_substructure",
-    "bmd_rths_nodes.nodes.command_shaper",
-    "bmd_rths_nodes.nodes.table_driver",
-    "bmd_rths_nodes.nodes.shear_estimator",
-    "bmd_rths_nodes.nodes.force_correction",
-    "bmd_rths_nodes.nodes.recorder",
-)
-COMPOSED_PROCESSES = ("bmd_rths_nodes.nodes.composed_loop", "bmd_rths_nodes.nodes.recorder")
+PROCESSES = tuple(role.module for role in ROLES.values())
+COMPOSED_PROCESSES = (module_of(COMPOSED_LOOP), *(role.module for role in ROLES.values() if role not in LOOP))
 
 
 class RecordedRun(NamedTuple):
@@ -36,7 +30,7 @@ class RecordedRun(NamedTuple):
     bag : Path
         The bag; it says how the test ended.
     problem : str
-        What went wrong with its processes, in words; empty when nothing did.
+        Text that says what went wrong with its processes; empty when nothing did.
     """
 
     bag: Path
@@ -62,11 +56,11 @@ def run_on_ros(
     monitor : RunMonitor
         Hears the nodes.
     interrupts : sequence of int
-        Signals that have come; grows meanwhile. See `OperatorStop` for what each does.
+        Signals received so far; a handler appends to it. `OperatorStop` says what each does.
     log : callable
-        Tells a person a line.
+        Prints one line for the operator.
     on_progress : callable
-        Gets the state of the test in words and the steps begun, every now and then.
+        Called with a text of the state of the test and the steps begun, several times a second.
 
     Returns
     -------

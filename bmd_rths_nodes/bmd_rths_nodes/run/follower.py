@@ -53,7 +53,7 @@ class RunFollower:
     Attributes
     ----------
     problem : str
-        What went wrong, in words; empty while nothing has.
+        Text that says what went wrong; empty while nothing has.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class RunFollower:
 
     @property
     def progress(self) -> tuple[str, int]:
-        """State of the run in words, and steps begun."""
+        """A text of the state of the run, and the steps begun."""
         told = self._monitor.status.get(NUMERICAL_SUBSTRUCTURE)
         if told is None or "step" not in told.values:
             return "starting", 0

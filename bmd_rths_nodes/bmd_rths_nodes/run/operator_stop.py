@@ -30,9 +30,9 @@ class OperatorStop:
     supervisor : Supervisor
         Its numerical substructure is asked to end the test when the table driver does not answer.
     interrupts : sequence of int
-        Signals that have come; grows meanwhile.
+        Signals received so far; a handler appends to it.
     log : callable
-        Tells a person a line.
+        Prints one line for the operator.
     halt_time : float
         Longest time the table controller needs to confirm an emergency stop [s].
     """

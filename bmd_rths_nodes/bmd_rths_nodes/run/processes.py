@@ -110,10 +110,10 @@ class Supervisor:
         time_to_rest : float
             Longest time the table needs to come to rest [s]; its process is not killed on the way.
         interrupts : sequence of int
-            Signals that have come; grows meanwhile. A further one is handed on, which is an emergency stop; the one
-            after that ends the wait.
+            Signals received so far; a handler appends to it. A further one is handed on, an emergency stop; the
+            one after that ends the wait.
         log : callable
-            Tells a person a line.
+            Prints one line for the operator.
         hurried : bool
             The operator does not want to wait: the processes are asked twice, and the way to rest is not waited for.
         """

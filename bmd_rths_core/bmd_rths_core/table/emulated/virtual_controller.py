@@ -97,7 +97,7 @@ class VirtualController:
     interlock : Interlock
         Why it brought its table to rest by itself.
     counts : Counter
-        Packets by what became of them, sessions and interlocks.
+        Counts packets by how they were treated (answered, late, refused, …), sessions and interlocks.
     motion : TrueMotion
         True motion of the table, the last one when the controller has let go of it.
     peaks : TrueMotion

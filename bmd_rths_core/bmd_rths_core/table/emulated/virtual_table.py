@@ -68,26 +68,14 @@ class LinearTable:
         return self._table.motion
 
     def exchange(self, command: TableCommand) -> TableMeasurement:
-        """Hold a command for one step and return the sensors at its end.
-
-        Parameters
-        ----------
-        command : TableCommand
-            The command.
-        """
+        """Hold a command for one step and return the sensors at its end."""
         self._follow(self._held, (command.step - self._next_step) * self._time_step)
         self._follow(command.acceleration, self._time_step)
         self._next_step, self._held = command.step + 1, command.acceleration
         return self._table.exchange(command)
 
     def degrade(self, valve: float, supply: float) -> None:
-        """Do nothing: this table has no hydraulics.
-
-        Parameters
-        ----------
-        valve, supply : float
-            Not used.
-        """
+        """Do nothing: this table has no hydraulics."""
 
     def _follow(self, acceleration: float, duration: float) -> None:
         self._displacement += duration * (self._velocity + 0.5 * duration * acceleration)

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from bmd_rths_core.analysis.run_analysis import RunAnalysis
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.report.analysis import RunAnalysis
-from bmd_rths_core.report.run_report import run_report
 from bmd_rths_msgs_py.bag_timing import read_timing_of_steps
-from bmd_rths_nodes.report.page import page_of
-from bmd_rths_nodes.report.several import comparison_report
-from bmd_rths_nodes.report.single import single_report
 
 #: Formats by the ending of the file.
 FORMATS = (".html", ".pdf")
@@ -35,7 +31,7 @@ def check_report_file(path: Path) -> None:
     if path.is_dir() or not path.parent.is_dir():
         raise InputError(f"--report {path}: a file in a folder that exists is required")
     try:
-        import bmd_rths_core.plots.report_drawing  # noqa: F401
+        import bmd_rths_core.report.pdf  # noqa: F401
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "matplotlib":
             raise
@@ -57,15 +53,18 @@ def write_report(analyses: Sequence[RunAnalysis], path: Path) -> None:
     InputError
         The file cannot be written.
     """
-    from bmd_rths_core.plots.report_drawing import svg_of
-    from bmd_rths_core.plots.report_pdf import write_pdf
+    from bmd_rths_core.report.comparison_report import comparison_report
+    from bmd_rths_core.report.html import page_of
+    from bmd_rths_core.report.pdf import write_pdf
+    from bmd_rths_core.report.reported_run import ReportedRun
+    from bmd_rths_core.report.run_report import run_report
 
-    reports = [run_report(analysis, read_timing_of_steps(analysis.record)) for analysis in analyses]
-    document = single_report(reports[0]) if len(reports) == 1 else comparison_report(reports)
+    runs = [ReportedRun(analysis, read_timing_of_steps(analysis.record)) for analysis in analyses]
+    document = run_report(runs[0]) if len(runs) == 1 else comparison_report(runs)
     try:
         if path.suffix.lower() == ".pdf":
             write_pdf(document, path)
         else:
-            path.write_text(page_of(document, svg_of), encoding="utf-8")
+            path.write_text(page_of(document), encoding="utf-8")
     except OSError as error:
         raise InputError(f"--report {path}: cannot be written: {error.strerror}") from error

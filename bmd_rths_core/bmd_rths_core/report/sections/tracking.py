@@ -1,31 +1,37 @@
-"""How the table followed: in time, in frequency, and how its delay changed over the run."""
+"""How the table followed in time, and how its delay changed over the run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from bmd_rths_core.analysis.metrics import tracking_delay
-from bmd_rths_core.identification.frequency_response import FrequencyResponse, estimate_frequency_response
+from bmd_rths_core.analysis.whole_samples import filled
+from bmd_rths_core.plots.histories import between, plot_history
+from bmd_rths_core.plots.layout import ABOVE, LABELS, Canvas, grid_in_mm
+from bmd_rths_core.plots.style import BLACK, BLUE, ORANGE, VERMILION
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.whole_samples import filled
+from bmd_rths_core.report.document import Block, shown
+from bmd_rths_core.report.reported_run import ReportedRun, part
 
 FloatArray = NDArray[np.float64]
+
+TITLE = "Tracking of the table"
+
+CAPTION = (
+    "Acceleration of the table against the desired one, both at the end of a step. The delay is that of the largest "
+    "cross-correlation; windows with less than a tenth of the strongest motion are left out."
+)
 
 #: Length and distance of the windows in which the delay is estimated, and the longest one that is looked for [s].
 WINDOW, HOP, LONGEST = 2.0, 0.5, 0.1
 
 #: A window with less than this share of the largest root mean square says nothing about the delay.
 QUIET = 0.1
-
-#: Lengths of a spectral segment [s]; the longest the record allows is taken.
-_SEGMENTS = (20.48, 10.24, 5.12, 2.56)
-
-#: Highest frequency that is shown [rad/s].
-_HIGHEST = 2.0 * np.pi * 25.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,37 @@ class TrackingHistory:
     delay_time: FloatArray
     delay_ms: FloatArray
     overall_delay_ms: float
+
+    @property
+    def height(self) -> float:
+        """Height [mm]."""
+        return 125.0
+
+    def draw(self, figure: Canvas) -> None:
+        """Draw desired and achieved acceleration, their difference, synchronisation and delay over time."""
+        grid = grid_in_mm(figure, 3, 2, between=(LABELS + 5.0, 18.0), width_ratios=(2.0, 1.0))
+        history, error = grid[:2, 0].subgridspec(2, 1, hspace=0.12).subplots(sharex=True, squeeze=False)[:, 0]
+        delay = figure.add_subplot(grid[2, 0])
+        synchronisation = figure.add_subplot(grid[:2, 1])
+        window = self.strong_motion
+        plot_history(history, *between(self.time, self.achieved, window), color=ORANGE, linewidth=1.4, label="achieved")
+        plot_history(history, *between(self.time, self.desired, window), color=BLACK, linewidth=0.6, label="desired")
+        difference = self.achieved - self.desired
+        plot_history(error, *between(self.time, difference, window), color=VERMILION, linewidth=0.7)
+        history.legend(ncols=2, **ABOVE)
+        history.set(ylabel="[m/s²]", xlim=window)
+        error.set(ylabel="error [m/s²]", xlim=window, xlabel="time [s], strong motion")
+        synchronisation.plot(self.desired, self.achieved, color=BLUE, linewidth=0.3, rasterized=True)
+        _diagonal(synchronisation)
+        synchronisation.set(xlabel="desired [m/s²]", ylabel="achieved [m/s²]", title="synchronisation")
+        delay.plot(self.delay_time, self.delay_ms, "o", color=BLUE, markersize=2.5, label="windows of 2 s")
+        if np.isfinite(self.overall_delay_ms):
+            delay.axhline(
+                self.overall_delay_ms, color=BLACK, linewidth=0.8, label=f"all: {self.overall_delay_ms:.2f} ms"
+            )
+        delay.legend(ncols=2, **ABOVE)
+        delay.margins(y=0.2)  # no point is cut at an edge
+        delay.set(xlabel="time [s], whole run", ylabel="delay [ms]", xlim=(0.0, self.time[-1]))
 
 
 def tracking_history(record: RunRecord, strong_motion: tuple[float, float]) -> TrackingHistory:
@@ -113,80 +150,17 @@ def _samples_late(window: FloatArray, achieved: FloatArray) -> float:
     return float(peak - len(shifted) // 2 + fraction)
 
 
-@dataclass(frozen=True)
-class TableFrequencies:
-    """Frequency response from the desired to the achieved acceleration, and how far it can be trusted.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Estimated with Hann windows and averaged spectra.
-    """
-
-    response: FrequencyResponse
+def _diagonal(axes: Axes) -> None:
+    lowest, highest = min(axes.get_xlim()[0], axes.get_ylim()[0]), max(axes.get_xlim()[1], axes.get_ylim()[1])
+    axes.plot([lowest, highest], [lowest, highest], color=BLACK, linewidth=0.6)
+    axes.set(xlim=(lowest, highest), ylim=(lowest, highest), aspect="equal")
 
 
-def table_frequencies(record: RunRecord) -> TableFrequencies:
-    """Return how the table followed in frequency.
-
-    Parameters
-    ----------
-    record : RunRecord
-        The run; gaps are bridged by straight lines.
-
-    Raises
-    ------
-    InputError
-        The record is too short, or the table was not moved.
-    """
-    return TableFrequencies(_estimated(record.desired_acceleration[1:], record.table_acceleration[:-1], record))
+def figure(run: ReportedRun) -> TrackingHistory | str:
+    """Return the figure of a run, or why there is none."""
+    return part(run.no_table, lambda: tracking_history(run.record, run.strong_motion))
 
 
-@dataclass(frozen=True)
-class FloorTransfer:
-    """Frequency responses from the ground to the floors, in the run and in the reference.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The n floors.
-    run, reference : FrequencyResponse
-        Of n responses each, both estimated from the record in the same way.
-    """
-
-    names: tuple[str, ...]
-    run: FrequencyResponse
-    reference: FrequencyResponse
-
-
-def floor_transfer(record: RunRecord, reference: FloatArray, lower: int) -> FloorTransfer:
-    """Return the frequency responses of the interface and the measured floors.
-
-    Parameters
-    ----------
-    record : RunRecord
-        The run; gaps are bridged by straight lines.
-    reference : ndarray, shape (N, n)
-        Absolute acceleration of every floor of the whole building [m/s²].
-    lower : int
-        Stories of the numerical substructure.
-
-    Raises
-    ------
-    InputError
-        The record is too short, or the ground was at rest.
-    """
-    measured = record.floor_accelerations
-    run = np.column_stack((record.desired_acceleration[1:], measured[:-1]))
-    names = ("interface", *(f"specimen floor {i + 1}" for i in range(measured.shape[1])))
-    ground = record.ground_acceleration[1:]
-    shown = reference[1:, lower - 1 : lower + measured.shape[1]]
-    return FloorTransfer(names, _estimated(ground, run, record), _estimated(ground, shown, record))
-
-
-def _estimated(excitation: FloatArray, response: FloatArray, record: RunRecord) -> FrequencyResponse:
-    x = filled(excitation)
-    y = np.apply_along_axis(filled, 0, response) if len(response) else response
-    available = 0.5 * len(x) * record.time_step  # four segments with their overlap need 1.75 of one
-    segment = next((length for length in _SEGMENTS if length <= available), _SEGMENTS[-1])
-    return estimate_frequency_response(x, y, record.time_step, segment).between(0.0, _HIGHEST)
+def blocks(run: ReportedRun) -> list[Block]:
+    """Return the section of a run."""
+    return [shown(figure(run), CAPTION)]

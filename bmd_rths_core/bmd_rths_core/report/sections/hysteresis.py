@@ -2,22 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.numerical_motion import NumericalMotion
+from bmd_rths_core.analysis.run_analysis import RunAnalysis
+from bmd_rths_core.analysis.whole_samples import filled
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.plots.layout import LABELS, Canvas, grid_in_mm
+from bmd_rths_core.plots.style import BLACK, BLUE, VERMILION
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.numerical_motion import NumericalMotion
-from bmd_rths_core.report.whole_samples import filled
+from bmd_rths_core.report.document import Block, Table, shown
+from bmd_rths_core.report.reported_run import ReportedRun, part
+from bmd_rths_core.report.wording import number
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]
 
+TITLE = "Hysteresis"
+
+#: Stories beside each other.
+STORIES_IN_A_ROW = 3
+
 #: High-pass of the drifts of the specimen, as a share of the first frequency of the whole building.
 HIGH_PASS_SHARE = 0.25
+
+_NUMERICAL = (
+    "Numerical stories: restoring force of the springs, computed again from the recorded ground motion and shear. "
+    "Dashed is the initial stiffness, dotted the yield drift."
+)
+_SPECIMEN = (
+    "Specimen: the shear is the sum of mass times measured acceleration above the story, damping included; the drift "
+    f"is integrated twice from accelerometers, behind a high-pass at {HIGH_PASS_SHARE:g} of the first frequency of the "
+    "building. Slow and permanent drifts cannot be seen. Dashed is the configured stiffness."
+)
 
 #: Periods of that frequency a run has to last.
 _PERIODS = 3.0
@@ -58,17 +81,21 @@ class Hysteresis:
 
     stories: tuple[StoryLoop, ...]
 
+    @property
+    def height(self) -> float:
+        """Height [mm]."""
+        return min(58.0 * -(-len(self.stories) // STORIES_IN_A_ROW), 250.0)
+
+    def draw(self, figure: Canvas) -> None:
+        """Draw force against drift of every story."""
+        rows = -(-len(self.stories) // STORIES_IN_A_ROW)
+        grid = grid_in_mm(figure, rows, STORIES_IN_A_ROW, between=(LABELS + 5.0, 18.0))
+        for i, story in enumerate(self.stories):
+            _draw_story(figure.add_subplot(grid[divmod(i, STORIES_IN_A_ROW)]), story)
+
 
 def numerical_loops(motion: NumericalMotion, config: Config) -> Hysteresis:
-    """Return the loops of the numerical stories: restoring force without damping.
-
-    Parameters
-    ----------
-    motion : NumericalMotion
-        The numerical substructure.
-    config : Config
-        Its configuration.
-    """
+    """Return the loops of the numerical stories: restoring force without damping."""
     stiffnesses = config.numerical_substructure.stiffnesses
     yields = config.nonlinear.yield_drifts if config.nonlinear.story_model != "linear" else (0.0,) * len(stiffnesses)
     stories = zip(motion.drifts.T, motion.story_forces.T, stiffnesses, yields, strict=True)
@@ -115,13 +142,7 @@ def specimen_loops(record: RunRecord, config: Config) -> Hysteresis:
 
 
 def high_pass_frequency(config: Config) -> float:
-    """Return the corner of the high-pass of the drifts of the specimen [rad/s].
-
-    Parameters
-    ----------
-    config : Config
-        `HIGH_PASS_SHARE` of the first elastic frequency of its whole building.
-    """
+    """Return the corner of the high-pass of the drifts of the specimen [rad/s]."""
     lower = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
     return HIGH_PASS_SHARE * float(lower.below(config.specimen.building()).elastic_modes().frequencies[0])
 
@@ -147,3 +168,43 @@ def twice_integrated(acceleration: FloatArray, time_step: float, corner: float) 
     frequencies = 2.0 * np.pi * np.fft.rfftfreq(padded, time_step)
     weight = -(frequencies**2) / (frequencies**4 + corner**4)
     return np.asarray(np.fft.irfft(weight * np.fft.rfft(acceleration, padded), padded)[: len(acceleration)])
+
+
+def _draw_story(axes: Axes, story: StoryLoop) -> None:
+    drift, force = 1e3 * story.drift, story.force / 1e3
+    axes.plot(drift, force, color=BLUE, linewidth=0.5, rasterized=True)
+    largest = float(np.max(np.abs(drift), initial=0.0))
+    if story.yield_drift:
+        largest = min(largest, 1e3 * story.yield_drift)
+        for sign in (-1.0, 1.0):
+            axes.axvline(sign * 1e3 * story.yield_drift, color=VERMILION, linewidth=0.6, linestyle=":")
+    ends = np.array([-largest, largest])
+    axes.plot(ends, story.stiffness * ends / 1e6, color=BLACK, linewidth=0.6, linestyle="--")
+    axes.set(title=story.name, xlabel="drift [mm]", ylabel="force [kN]")
+
+
+def numerical_figure(run: ReportedRun) -> Hysteresis | str:
+    """Return the loops of the numerical stories, or why there are none."""
+    return part(run.no_history, lambda: numerical_loops(run.motion, run.config))
+
+
+def specimen_figure(run: ReportedRun) -> Hysteresis | str:
+    """Return the loops of the stories of the specimen, or why there are none."""
+    return part(run.no_floors, lambda: specimen_loops(run.record, run.config))
+
+
+def blocks(run: ReportedRun) -> list[Block]:
+    """Return the section of a run."""
+    ductility = run.analysis.ductility
+    table = [] if ductility is None else [ductility_table(run.analysis, ductility)]
+    return [shown(numerical_figure(run), _NUMERICAL), *table, shown(specimen_figure(run), _SPECIMEN)]
+
+
+def ductility_table(analysis: RunAnalysis, ductility: Sequence[float]) -> Table:
+    """Return the ductility of the numerical stories."""
+    pairs = zip(ductility, analysis.config.nonlinear.yield_drifts, strict=True)
+    rows = tuple(
+        (f"numerical story {i}", number(1e3 * value * drift, 3), number(1e3 * drift, 3), number(value, 2))
+        for i, (value, drift) in enumerate(pairs, 1)
+    )
+    return Table(("story", "peak drift [mm]", "yield drift [mm]", "ductility [1]"), rows)

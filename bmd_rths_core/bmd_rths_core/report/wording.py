@@ -1,12 +1,12 @@
-"""Numbers and outcomes in words."""
+"""Texts of a report: numbers, outcomes, problems."""
 
 from __future__ import annotations
 
 import math
 
 from bmd_rths_core.analysis.assumptions import assumptions
+from bmd_rths_core.analysis.run_analysis import RunAnalysis
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.analysis import RunAnalysis
 
 _OUTCOMES = {
     "finished": "Finished: the whole ground motion was run.",
@@ -21,39 +21,19 @@ _LARGEST_DEVIATION = 0.1
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """Return a number with some digits behind the point; a dash when it is not known.
-
-    Parameters
-    ----------
-    value : float or None
-        The number.
-    digits : int
-        Digits behind the point.
-    """
+    """Return a number with some digits behind the point; a dash when it is not known."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
 def significant(value: float) -> str:
-    """Return a number with three significant digits, or as a whole number; a dash when it is not known.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-    """
+    """Return a number with three significant digits, or as a whole number; a dash when it is not known."""
     if not math.isfinite(value):
         return "–"
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def verdict(record: RunRecord) -> str:
-    """Return how a test ended, in words.
-
-    Parameters
-    ----------
-    record : RunRecord
-        The run.
-    """
+    """Return a sentence that says how a test ended."""
     words = _OUTCOMES[record.outcome]
     if record.outcome == "finished":
         return words
@@ -63,13 +43,7 @@ def verdict(record: RunRecord) -> str:
 
 
 def results(analysis: RunAnalysis) -> str:
-    """Return what a test came to, in one sentence; empty when nothing can be said.
-
-    Parameters
-    ----------
-    analysis : RunAnalysis
-        The run and its errors.
-    """
+    """Return what a test came to, in one sentence; empty when nothing can be said."""
     metrics, timing, parts = analysis.metrics, analysis.record.timing, []
     errors = metrics.rmse_percent.items()
     if analysis.record.stable and any(math.isfinite(value) for _, value in errors):
@@ -84,7 +58,7 @@ def results(analysis: RunAnalysis) -> str:
 
 
 def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
-    """Return what was wrong with a test, in words.
+    """Return the problems of a test, a sentence each.
 
     Parameters
     ----------
@@ -125,12 +99,6 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
 
 
 def assumption(analysis: RunAnalysis) -> str:
-    """Return what table the results come from, and what is assumed of it.
-
-    Parameters
-    ----------
-    analysis : RunAnalysis
-        The run.
-    """
+    """Return what table the results come from, and what is assumed of it."""
     table = analysis.config.table
     return assumptions(analysis.config) or f"Table controller: {table.controller}, {table.address}."

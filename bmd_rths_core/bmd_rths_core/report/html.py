@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from string import Template
 
-from bmd_rths_core.report.document import Block, Document, FigureData, Folded, Paragraph, Section, Table
+from bmd_rths_core.plots.svg import svg
+from bmd_rths_core.report.document import Block, Document, Folded, Paragraph, Section, Table
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; margin: 0 auto; max-width: 56rem;
@@ -48,15 +49,13 @@ $sections
 """)
 
 
-def page_of(document: Document, svg_of: Callable[[FigureData], bytes]) -> str:
+def page_of(document: Document) -> str:
     """Return a report as HTML.
 
     Parameters
     ----------
     document : Document
         The report.
-    svg_of : callable
-        Draws a figure as an SVG file.
     """
     return _PAGE.substitute(
         title=escape(document.title),
@@ -64,7 +63,7 @@ def page_of(document: Document, svg_of: Callable[[FigureData], bytes]) -> str:
         good=" good" if document.good else "",
         verdict=escape(document.verdict),
         notes=_notes(document.notes),
-        sections="\n".join(_section(section, svg_of) for section in document.sections),
+        sections="\n".join(_section(section) for section in document.sections),
     )
 
 
@@ -73,12 +72,12 @@ def _notes(notes: Sequence[str]) -> str:
     return f"<ul>{items}</ul>" if items else ""
 
 
-def _section(section: Section, svg_of: Callable[[FigureData], bytes]) -> str:
-    blocks = "\n".join(_block(block, f"{section.title}: figure", svg_of) for block in section.blocks)
+def _section(section: Section) -> str:
+    blocks = "\n".join(_block(block, f"{section.title}: figure") for block in section.blocks)
     return f"<section>\n<h2>{escape(section.title)}</h2>\n{blocks}\n</section>"
 
 
-def _block(block: Block, name: str, svg_of: Callable[[FigureData], bytes]) -> str:
+def _block(block: Block, name: str) -> str:
     if isinstance(block, Paragraph):
         return f"<p>{escape(block.text)}</p>"
     if isinstance(block, Table):
@@ -86,7 +85,7 @@ def _block(block: Block, name: str, svg_of: Callable[[FigureData], bytes]) -> st
     if isinstance(block, Folded):
         return f"<details><summary>{escape(block.title)}</summary><pre>{escape(block.text)}</pre></details>"
     # As an image, the names inside one figure cannot meet those of another.
-    image = base64.b64encode(svg_of(block.data)).decode()
+    image = base64.b64encode(svg(block.drawing.draw, block.drawing.height)).decode()
     source = f'<img alt="{escape(name)}" src="data:image/svg+xml;base64,{image}">'
     return f'<figure><figcaption>{escape(block.caption)}</figcaption><div class="wide">{source}</div></figure>'
 

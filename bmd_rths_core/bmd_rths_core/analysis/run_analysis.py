@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.analysis.benchmark_criteria import BenchmarkCriteria, benchmark_criteria
 from bmd_rths_core.analysis.metrics import RunMetrics, compare, reference_of
+from bmd_rths_core.analysis.numerical_motion import ductility, numerical_motion
 from bmd_rths_core.analysis.table_peaks import TablePeaks, table_peaks
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.numerical_motion import ductility, numerical_motion
 
 FloatArray = NDArray[np.float64]
 

@@ -11,9 +11,8 @@ from typing import Any
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from bmd_rths_core.plots.report_drawing import draw, height_of
 from bmd_rths_core.plots.style import style
-from bmd_rths_core.report.document import Block, Document, FigureData, Folded, Paragraph, Picture, Table
+from bmd_rths_core.report.document import Block, Document, Drawing, Folded, Paragraph, Picture, Table
 
 #: Sheet and margins [mm].
 _WIDTH, _HEIGHT, _MARGIN = 210.0, 297.0, 15.0
@@ -44,7 +43,7 @@ class _Piece:
     weight: str = "normal"
     cells: tuple[str, ...] = ()
     keep: bool = False  # on the sheet of the next piece
-    figure: FigureData | None = None
+    drawing: Drawing | None = None
 
 
 def write_pdf(document: Document, path: Path) -> None:
@@ -92,7 +91,7 @@ def _pieces(document: Document) -> Iterator[_Piece]:
         pieces = [_Piece(3.0, keep=True), _text(section.title, size=10.0, weight="bold", keep=True)]
         for block in section.blocks:
             pieces += _block(block)
-        first = next((i for i, piece in enumerate(pieces) if piece.figure is not None), 0)
+        first = next((i for i, piece in enumerate(pieces) if piece.drawing is not None), 0)
         together = _height(pieces[: first + 1]) <= _USABLE
         yield from (replace(piece, keep=True) if together and i < first else piece for i, piece in enumerate(pieces))
 
@@ -106,7 +105,7 @@ def _block(block: Block) -> Iterator[_Piece]:
         yield _Piece(2.0)
     elif isinstance(block, Picture):
         yield _text(block.caption, keep=True)
-        yield _Piece(height_of(block.data) + 4.0, figure=block.data)
+        yield _Piece(block.drawing.height + 4.0, drawing=block.drawing)
     elif isinstance(block, Folded):
         yield _text(block.title, keep=True)
         for line in block.text.splitlines():
@@ -153,8 +152,8 @@ def _drawn(sheet: list[_Piece]) -> Figure:
     )
     top = _HEIGHT - _MARGIN
     for row, piece in enumerate(sheet, 1):
-        if piece.figure is not None:
-            draw(figure.add_subfigure(grid[row, 1]), piece.figure)
+        if piece.drawing is not None:
+            piece.drawing.draw(figure.add_subfigure(grid[row, 1]))
         _write(figure, piece, top / _HEIGHT)
         top -= piece.height
     return figure

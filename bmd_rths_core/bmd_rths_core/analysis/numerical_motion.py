@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.indicator_screen import IndicatorScreen
 from bmd_rths_core.analysis.table_peaks import peak
-from bmd_rths_core.campaign.indicator_screen import IndicatorScreen
+from bmd_rths_core.analysis.whole_samples import filled
 from bmd_rths_core.config import Config
 from bmd_rths_core.loop.build import make_numerical_substructure
 from bmd_rths_core.record import RunRecord
-from bmd_rths_core.report.whole_samples import filled
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]

@@ -1,17 +1,17 @@
-"""The report of several runs beside each other."""
+"""The report of several runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
+from pathlib import Path
 
-from bmd_rths_core.report.analysis import RunAnalysis
-from bmd_rths_core.report.document import Block, Document, Paragraph, Picture, Section
-from bmd_rths_core.report.run_comparison import comparisons
-from bmd_rths_core.report.run_report import RunReport
-from bmd_rths_nodes.report import tables
-from bmd_rths_nodes.report.single import CRITERIA
-from bmd_rths_nodes.report.wording import assumption, problems
+from bmd_rths_core.analysis.run_analysis import RunAnalysis
+from bmd_rths_core.report.document import Block, Document, Paragraph, Picture, Section, Table
+from bmd_rths_core.report.reported_run import ReportedRun
+from bmd_rths_core.report.sections.comparison import comparisons
+from bmd_rths_core.report.sections.errors import CRITERIA, criteria_table
+from bmd_rths_core.report.wording import assumption, number, problems
 
 #: Columns of runs that fit beside each other.
 _COLUMNS = 6
@@ -20,12 +20,12 @@ _OVERLAY = "Top floor and interface where the response is largest, over the buil
 _NOTHING_IN_COMMON = "No two of the runs have the same building and ground motion, so that nothing can be overlaid."
 
 
-def comparison_report(reports: Sequence[RunReport]) -> Document:
+def comparison_report(reports: Sequence[ReportedRun]) -> Document:
     """Return the report of several runs.
 
     Parameters
     ----------
-    reports : sequence of RunReport
+    reports : sequence of ReportedRun
         What it shows.
     """
     analyses = [report.analysis for report in reports]
@@ -63,20 +63,33 @@ def _bag(number: int, analysis: RunAnalysis) -> str:
     return f"Run {number}: {motion}, {analysis.config.run.scheme}; {analysis.record.source}."
 
 
-def _errors(reports: Sequence[RunReport]) -> list[Block]:
+def _errors(reports: Sequence[ReportedRun]) -> list[Block]:
     analyses = [report.analysis for report in reports]
-    blocks: list[Block] = [tables.comparison_table(analyses), Paragraph(CRITERIA)]
+    blocks: list[Block] = [comparison_table(analyses), Paragraph(CRITERIA)]
     columns = [(f"run {i}", analysis) for i, analysis in enumerate(analyses, 1)]
     for _, group in groupby(columns, key=lambda column: len(column[1].criteria.response_error_percent)):
         same_floors = list(group)
         for begin in range(0, len(same_floors), _COLUMNS):
-            blocks.append(tables.criteria_table(dict(same_floors[begin : begin + _COLUMNS])))
+            blocks.append(criteria_table(dict(same_floors[begin : begin + _COLUMNS])))
     return blocks
 
 
-def _overlays(reports: Sequence[RunReport]) -> list[Block]:
+def _overlays(reports: Sequence[ReportedRun]) -> list[Block]:
     blocks: list[Block] = []
     for comparison in comparisons(reports):
         more = f" {comparison.left_out} more runs belong here." if comparison.left_out else ""
         blocks.append(Picture(comparison, f"{comparison.motion}. {_OVERLAY}{more}"))
     return blocks or [Paragraph(_NOTHING_IN_COMMON)]
+
+
+def comparison_table(analyses: Sequence[RunAnalysis]) -> Table:
+    """Return the errors of several runs, one row for each, named after the folder of its bag."""
+    rows = []
+    for i, analysis in enumerate(analyses, 1):
+        record, metrics = analysis.record, analysis.metrics
+        known = record.stable
+        errors = [number(value if known else None, 2) for value in metrics.rmse_percent.values()]
+        label = f"{i}: {analysis.config.run.scheme}, {Path(record.source).name}"
+        rows.append((label, record.outcome, *errors, number(metrics.tracking_delay_ms, 2)))
+    names = ("substructure [%]", "control layer [%]", "superstructure [%]", "delay [ms]")
+    return Table(("run", "outcome", *names), tuple(rows))

@@ -1,0 +1,37 @@
+"""A figure as an SVG file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from io import BytesIO
+
+from matplotlib.figure import Figure
+
+from bmd_rths_core.plots.layout import Canvas
+from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
+
+#: Resolution of curves of which every point is drawn [dots per inch].
+_RESOLUTION = 200
+
+
+def svg(draw: Callable[[Canvas], None], height: float) -> bytes:
+    """Draw a figure two columns of a journal wide.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws on an empty figure.
+    height : float
+        Height of the figure [mm].
+
+    Returns
+    -------
+    bytes
+        The file; the same drawing gives the same bytes.
+    """
+    with style():
+        figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height / 25.4))
+        draw(figure)
+        file = BytesIO()
+        figure.savefig(file, format="svg", dpi=_RESOLUTION, metadata={"Date": None})
+    return file.getvalue()

@@ -1,1 +1,0 @@
-"""Test reports: what they say in words, and how they become a web page."""
