@@ -66,8 +66,8 @@ class RunConfig:
     )
     settling_time: float = parameter(
         3.5,
-        description="Shortest time from the start of the driver of a real table until it is ready in real time: whoever "
-        "else publishes to it is discovered by then",
+        description="Shortest time from the start of the driver of a real table until it is ready in real time: "
+        "whoever else publishes to it is discovered by then",
         unit="s",
         source="docs/decisions/0004: Fast DDS repeats its announcements every 3 s",
         lower=0.0,

@@ -29,6 +29,9 @@ LONGEST_LEAD = 400
 #: Time between the moment all nodes are ready and step 0 [s].
 START_DELAY = 0.05
 
+#: A tick that is later than this part of Δt moves the schedule, so that no two commands come close to each other.
+LATEST_TICK = 0.5
+
 #: A peer that tells nothing for this long is lost [s]; every node tells its status once a second.
 LONGEST_SILENCE = 5.0
 
@@ -156,8 +159,8 @@ class Conductor:
 
     Notes
     -----
-    All times are of one monotonic clock [s]. Steps are never run in a burst: a tick that is more than Δt late moves the
-    schedule, so that each command is held for a full step.
+    All times are of one monotonic clock [s]. Steps are never run in a burst: a tick that is more than Δt/2 late moves the
+    schedule.
     """
 
     def __init__(
@@ -376,7 +379,7 @@ class Conductor:
             return
         deadline = self._due + self._time_step
         self.deadlines.opened(step, now, deadline)
-        late = now - self._due > self._time_step
+        late = now - self._due > LATEST_TICK * self._time_step
         if late:
             self.deadlines.late_ticks += 1
         self._due = now + self._time_step if late else deadline

@@ -25,7 +25,7 @@ class DeadlineMonitor:
     Attributes
     ----------
     late_ticks : int
-        Steps that began more than Δt after they were due.
+        Steps that began so long after they were due that the schedule moved.
     """
 
     def __init__(self, steps: int, longest_miss: float) -> None:

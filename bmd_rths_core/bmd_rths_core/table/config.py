@@ -12,6 +12,10 @@ from bmd_rths_core.parameters import check_parameters, parameter
 _ADDRESS = re.compile(r"udp://(?P<host>[A-Za-z0-9._-]+):(?P<port>[0-9]{1,5})", re.ASCII)
 
 
+#: Largest `TableConfig.answer_timeout` [s].
+LONGEST_ANSWER_TIMEOUT = 0.1
+
+
 @dataclass(frozen=True)
 class TableConfig:
     """The table controller, and the connection to it when it is not simulated in process."""
@@ -35,7 +39,7 @@ class TableConfig:
         source="assumed: the udp controller answers after 3 ms",
         lower=0.0,
         lower_open=True,
-        upper=0.1,
+        upper=LONGEST_ANSWER_TIMEOUT,
     )
     resend_after: float = parameter(
         0.02,

@@ -124,6 +124,7 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     from bmd_rths_core.identification.excited_table import drive
     from bmd_rths_core.loop.build import make_supervisor
     from bmd_rths_core.safety import Action
+    from bmd_rths_core.table.config import LONGEST_ANSWER_TIMEOUT
     from bmd_rths_nodes.hardware.clock import MonotonicClock
     from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
 
@@ -131,10 +132,8 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     # A ramp does not hurt the specimen, and a controller whose answers are lost may hear the commands all the same.
     supervisor = make_supervisor(config.changed(safety__stale_controller_action=Action.RAMP.name.lower()))
     # Late answers are data as good as any: no loop waits for them.
-    patience = config.safety.stale_controller_time
-    table = make_patient_table_controller(
-        config.changed(table__answer_timeout=max(patience, config.table.answer_timeout))
-    )
+    patience = max(config.table.answer_timeout, min(config.safety.stale_controller_time, LONGEST_ANSWER_TIMEOUT))
+    table = make_patient_table_controller(config.changed(table__answer_timeout=patience))
     with collected_interrupts() as interrupts:
         if _by_steps(config):
             columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
