@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from enum import Enum
 from functools import partial
@@ -103,30 +103,6 @@ class SafetySupervisor:
         self._settling.reset()
         self._measurement_check.reset()
         self._following.reset()
-
-    def resume(
-        self, step: int, motion: Motion, offset: float, tracking_mean_square: float, past: Sequence[float]
-    ) -> None:
-        """Take up a test in the middle, none of whose limits was passed and none of whose sensors was lost.
-
-        Parameters
-        ----------
-        step : int
-            The step that comes next.
-        motion : Motion
-            Integral of the commands until then.
-        offset : float
-            Slow difference of the measured displacement to it [m].
-        tracking_mean_square : float
-            Mean square of the tracking error [m²/s⁴].
-        past : sequence of float
-            Displacements of the integral before the last step, the newest last [m]; as many as `following_time` has.
-        """
-        self.reset()
-        self._following.reset(past)
-        self._motion, self._offset = motion, offset
-        self._last_step = self._last_measured = step - 1
-        self._measurement_check.resume(tracking_mean_square)
 
     @property
     def trips(self) -> tuple[Trip, ...]:
