@@ -10,7 +10,7 @@ from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig, select_ground_motion
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.safety import Action, SafetyConfig, StabilityIndicator
+from bmd_rths_core.safety import Action, SafetyConfig, StabilityIndicator, StabilityIndicatorArray
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from tests.conftest import ground_motion_folder
 
@@ -164,3 +164,32 @@ def test_other_mode_of_the_8_story_system_is_found_too():
     config = EIGHT_STORY.changed(run__scheme="plc")
     run = RthsLoop(config, EL_CENTRO).run()
     assert "safety.stability_limit" in run.reason
+
+
+def test_array_form_equals_the_indicator_of_every_run():
+    """In chunks of unequal length, and with a run that is left out on the way; growing, marginal and decaying ones."""
+    masses, damping = (100.0, 60.0), np.array([[40.0, -15.0], [-15.0, 25.0]])
+    random = np.random.default_rng(1)
+    time = DT * np.arange(900)
+    growth = np.array([3.0, 0.0, -2.0])[:, None]
+    side = np.array([1.0, 1.0, -1.0])[:, None]  # of the last run the interface takes energy out
+    forces = 1e4 * side * np.exp(growth * time) * np.sin(30.0 * time + 1.2) + random.standard_normal((3, 900))
+    floors = 0.1 * np.exp(growth * time) * np.sin(30.0 * time)
+    displacements = np.stack((0.6 * floors, floors), axis=1) + 1e-6 * random.standard_normal((3, 2, 900))
+    expected = np.zeros((3, 900))
+    for run in range(3):
+        scalar = StabilityIndicator(SafetyConfig(), masses, damping, DT)
+        for step in range(900):
+            acting = forces[run, step - 1] if step else 0.0  # the shear fed back acts at the step after
+            scalar.step(step, acting, displacements[run, :, step])
+            expected[run, step] = scalar.value
+    array = StabilityIndicatorArray(SafetyConfig(), masses, damping, DT, 3)
+    kept, found = np.array([True, False, True]), np.full((3, 900), np.nan)
+    for runs, begin, end in (([0, 1, 2], 0, 1), ([0, 1, 2], 1, 300), ([0, 2], 300, 302), ([0, 2], 302, 900)):
+        if begin == 300:
+            array.keep(kept)
+        found[runs, begin:end] = array.advance(forces[runs, begin:end], displacements[runs, :, begin:end])
+    assert expected.max() > 0.5
+    assert (expected[:, 1:] == 0.0).any()
+    np.testing.assert_allclose(found[kept], expected[kept], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found[1, :300], expected[1, :300], rtol=1e-9, atol=1e-9)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.analysis.indicator_screen import IndicatorScreen
 from bmd_rths_core.analysis.table_peaks import peak
 from bmd_rths_core.analysis.whole_samples import filled
 from bmd_rths_core.config import Config
-from bmd_rths_core.loop.build import make_numerical_substructure
+from bmd_rths_core.loop.build import make_numerical_substructure, make_stability_indicator_array
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
@@ -127,5 +126,5 @@ def stability_indicator(motion: NumericalMotion, config: Config) -> FloatArray:
     if not len(motion.shear):
         return np.zeros(0)
     fed_back = np.append(motion.shear[1:], 0.0)  # the shear fed back at step k acts at step k + 1
-    (indicator,) = IndicatorScreen(config, 1).advance(fed_back[None], motion.displacements.T[None])
+    (indicator,) = make_stability_indicator_array(config, 1).advance(fed_back[None], motion.displacements.T[None])
     return np.asarray(indicator)

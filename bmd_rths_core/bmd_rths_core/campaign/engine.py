@@ -1,4 +1,4 @@
-"""Run a configuration under many ground motions: as one linear system where that is exact, else stage by stage."""
+"""Run a configuration under many ground motions: as one linear system where no limit is near, else stage by stage."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.campaign.limits import SCREENED, LimitEnd, LimitScreen, SignalChunk
+from bmd_rths_core.campaign.limits import BOUNDED, LimitBounds, SignalChunk
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.ground_motion.motion import GroundMotion
@@ -20,10 +20,8 @@ from bmd_rths_core.record import RunRecord, empty_signals, provenance
 
 FloatArray = NDArray[np.float64]
 
-#: Steps after which unstable runs are taken out.
+#: Steps after which the runs that touch a bound of a limit are taken out.
 _CHUNK = 2048
-#: Signals of the command shaper and before: known of the step whose command was refused.
-_BEFORE_THE_TABLE = ("ground_acceleration", "desired_acceleration", "required_force", "command")
 
 
 class SelectedMotion(NamedTuple):
@@ -49,7 +47,8 @@ class CampaignRun(NamedTuple):
     record : RunRecord
         The run, as `RthsLoop` gives it.
     engine : str
-        ``"linear"``: as one linear system, equal to `RthsLoop` but for rounding; ``"stages"``: by `RthsLoop`.
+        ``"linear"``: as one linear system, equal to `RthsLoop` but for rounding; ``"stages"``: by `RthsLoop`, as every
+        run that a limit ends.
     """
 
     record: RunRecord
@@ -85,14 +84,13 @@ def run_motions(config: Config, motions: Sequence[SelectedMotion]) -> list[Campa
     if not is_linear(config) or not motions:
         return [_by_stages(config, selected) for selected in motions]
     group = _LinearGroup(config, [selected.motion for selected in motions])
-    group.run()
-    runs = []
-    for i, selected in enumerate(motions):
-        record = group.record(i, _under(config, selected))
-        # Where the values overflow, the order of the operations decides.
-        overflow = record.reason.startswith("safety.non_finite_action")
-        runs.append(_by_stages(config, selected) if overflow else CampaignRun(record, "linear"))
-    return runs
+    touched = group.run()
+    return [
+        _by_stages(config, selected)
+        if i in touched
+        else CampaignRun(group.record(i, _under(config, selected)), "linear")
+        for i, selected in enumerate(motions)
+    ]
 
 
 class _LinearGroup:
@@ -105,15 +103,15 @@ class _LinearGroup:
         self._floors = slice(self._rows["floor_1"], self._rows["base_shear"])
         self._displacements = slice(self._rows["displacement_1"], None)
         self._outputs = [np.empty((len(self._rows), motion.steps)) for motion in motions]
-        self._ends = [LimitEnd(motion.steps, motion.steps, "") for motion in motions]
 
-    def run(self) -> None:
-        """Advance all runs to their ends."""
+    def run(self) -> set[int]:
+        """Advance all runs to their ends, and return those that touch a bound of a limit: they are given up there."""
+        touched: set[int] = set()
         active = np.arange(len(self._motions))
         steps = np.array([motion.steps for motion in self._motions])
         first = np.array([motion.acceleration[0] for motion in self._motions])
         simulation = LinearSimulation(self._loop.system, np.outer(self._loop.start, first))
-        screen = LimitScreen(self._config, len(active))
+        bounds = LimitBounds(self._config, len(active))
         random = np.random.default_rng(self._config.run.seed)
         begin = 0
         while len(active):
@@ -123,31 +121,28 @@ class _LinearGroup:
             for i, output in zip(active, outputs, strict=True):
                 kept = self._outputs[i][:, begin : begin + length]
                 kept[:] = output[:, : kept.shape[1]]
-            ends = screen.ends(self._chunk(begin, np.minimum(steps[active] - begin, length), outputs))
+            near = bounds.touched(self._chunk(np.minimum(steps[active] - begin, length), outputs))
+            touched.update(active[near].tolist())
             begin += length
-            goes_on = steps[active] > begin
-            for k, end in ends.items():
-                self._ends[active[k]] = end
-                goes_on[k] = False
+            goes_on = ~near & (steps[active] > begin)
             active = active[goes_on]
             simulation.keep(goes_on)
-            screen.keep(goes_on)
+            bounds.keep(goes_on)
+        return touched
 
     def record(self, i: int, config: Config) -> RunRecord:
-        """Return a finished run."""
-        motion, end = self._motions[i], self._ends[i]
-        outputs = self._outputs[i]
+        """Return a run that touched no bound."""
+        motion, outputs = self._motions[i], self._outputs[i]
         sources = {name: outputs[row] for name, row in self._rows.items()}
         sources |= {"ground_acceleration": motion.acceleration, "floor_accelerations": outputs[self._floors].T}
         sources["applied_command"] = sources["command"]
-        signals: dict[str, Any] = dict(empty_signals(end.steps, len(config.specimen.masses)))
+        signals: dict[str, Any] = dict(empty_signals(motion.steps, len(config.specimen.masses)))
         for name, signal in signals.items():
-            known = end.steps if name in _BEFORE_THE_TABLE else end.measured
-            signal[:known] = sources[name][:known]
+            signal[:] = sources[name]
         return RunRecord(
             time_step=config.run.time_step,
-            outcome="limit" if end.reason else "finished",
-            reason=end.reason or "end of the ground motion",
+            outcome="finished",
+            reason="end of the ground motion",
             **signals,
             **provenance(config.as_mapping(), motion),
         )
@@ -159,9 +154,9 @@ class _LinearGroup:
             ground[: len(part), column] = part
         return ground
 
-    def _chunk(self, begin: int, lengths: NDArray[np.intp], outputs: FloatArray) -> SignalChunk:
-        signals = {name: outputs[:, self._rows[name]] for name in SCREENED}
-        return SignalChunk(begin, lengths, signals, outputs[:, self._floors], outputs[:, self._displacements])
+    def _chunk(self, lengths: NDArray[np.intp], outputs: FloatArray) -> SignalChunk:
+        signals = {name: outputs[:, self._rows[name]] for name in BOUNDED}
+        return SignalChunk(lengths, signals, outputs[:, self._displacements])
 
 
 def _under(config: Config, selected: SelectedMotion) -> Config:

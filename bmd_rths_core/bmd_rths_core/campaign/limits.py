@@ -1,8 +1,6 @@
-"""The limits of many runs at once: whether one could have been passed, and the supervisor over those where it could.
+"""Bounds of what the limits see of many runs at once: a run that touches none of them passes no limit.
 
-The screen is an array operation on the safe side of every limit. Where it sees nothing there is nothing; where it sees
-something, the real supervisor and the real stability indicator go through the signals step by step and decide, in the
-order of `RthsLoop`.
+Nothing is decided here. A run that touches a bound is run whole by `RthsLoop`, whose supervisor judges it.
 """
 
 from __future__ import annotations
@@ -13,45 +11,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.analysis.indicator_screen import IndicatorScreen, running_mean
 from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.integration.linear_simulation import LinearSimulation
-from bmd_rths_core.loop.build import make_stability_indicator, make_supervisor
-from bmd_rths_core.safety import Action, SafetySupervisor, StabilityIndicator
-from bmd_rths_core.safety.commanded_motion import LARGEST_MOTION, Motion
+from bmd_rths_core.integration.linear_simulation import LinearSimulation, running_mean
+from bmd_rths_core.loop.build import make_stability_indicator_array
+from bmd_rths_core.safety import Action
+from bmd_rths_core.safety.commanded_motion import LARGEST_MOTION
 from bmd_rths_core.safety.supervisor import OFFSET_TIME
-from bmd_rths_core.table.controller import TableMeasurement
-from bmd_rths_core.time_steps import most_steps
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: Part of a limit from which it counts as reached: more than rounding makes of any signal.
+#: Part of a limit from which it counts as touched: more than rounding makes of any signal.
 _NEAR = 1.0 - 1e-8
 #: Limits with a value that a run in process can pass.
 _LIMITS = ("displacement", "velocity", "acceleration", "increment", "force", "tracking", "stability")
-_MEASURED = ("command", "table_displacement", "table_acceleration", "actuator_force", "base_shear")
 #: Signals of a `SignalChunk`.
-SCREENED = (*_MEASURED, "corrected_force")
-
-
-class LimitEnd(NamedTuple):
-    """How a limit ended a run.
-
-    Parameters
-    ----------
-    steps : int
-        How many steps were recorded.
-    measured : int
-        How many of them were measured: one less where a command was refused.
-    reason : str
-        Text that names the limit.
-    """
-
-    steps: int
-    measured: int
-    reason: str
+BOUNDED = (*("command", "table_displacement", "table_acceleration", "actuator_force", "base_shear", "corrected_force"),)
 
 
 class SignalChunk(NamedTuple):
@@ -59,27 +35,21 @@ class SignalChunk(NamedTuple):
 
     Parameters
     ----------
-    begin : int
-        The first step.
     lengths : ndarray of int, shape (m,)
         How many of the N steps belong to each run; what follows does not count.
     signals : Mapping of str to ndarray, shape (m, N)
-        By the names of `RunRecord`.
-    floors : ndarray, shape (m, n, N)
-        Accelerations of the floors on the table [m/s²].
+        Those of `BOUNDED`, by the names of `RunRecord`.
     displacements : ndarray, shape (m, n, N)
         Of the numerical substructure [m].
     """
 
-    begin: int
     lengths: NDArray[np.intp]
     signals: Mapping[str, FloatArray]
-    floors: FloatArray
     displacements: FloatArray
 
 
-class LimitScreen:
-    """Find the runs that a limit ends.
+class LimitBounds:
+    """Find the runs that could pass a limit.
 
     Parameters
     ----------
@@ -90,7 +60,7 @@ class LimitScreen:
     """
 
     def __init__(self, config: Config, runs: int) -> None:
-        self._config, self._safety, self._time_step = config, config.safety, config.run.time_step
+        self._safety, self._time_step = config.safety, config.run.time_step
         self._ending = {name for name in _LIMITS if config.safety.action(name) > Action.INDICATE}
         step = self._time_step
         transition, held = np.array([[1.0, step], [0.0, 1.0]]), np.array([[0.5 * step**2], [step]])
@@ -98,9 +68,7 @@ class LimitScreen:
         self._offset = running_mean(step, OFFSET_TIME, runs)
         self._tracking = running_mean(step, self._safety.tracking_time, runs)
         self._last_command = np.zeros((runs, 1))
-        # Where the commands had led the table, for whether it follows them: as the supervisor remembers it.
-        self._past = np.zeros((runs, 1 + most_steps(self._safety.following_time, step)))
-        self._indicator = IndicatorScreen(config, runs)
+        self._indicator = make_stability_indicator_array(config, runs)
 
     def keep(self, runs: BoolArray) -> None:
         """Go on with some of the runs only.
@@ -112,9 +80,9 @@ class LimitScreen:
         """
         for part in (self._motion, self._offset, self._tracking, self._indicator):
             part.keep(runs)
-        self._last_command, self._past = self._last_command[runs], self._past[runs]
+        self._last_command = self._last_command[runs]
 
-    def ends(self, chunk: SignalChunk) -> dict[int, LimitEnd]:
+    def touched(self, chunk: SignalChunk) -> BoolArray:
         """Look at the next steps.
 
         Parameters
@@ -124,24 +92,22 @@ class LimitScreen:
 
         Returns
         -------
-        dict of int to LimitEnd
-            Which runs end in them, and how.
+        ndarray of bool, shape (m,)
+            True for the runs that could pass a limit in them, or have a value that is not finite.
         """
-        before = self._state()
+        steps = chunk.displacements.shape[-1]
+        inside = np.arange(steps) < chunk.lengths[:, None]
         with np.errstate(over="ignore", invalid="ignore"):
-            largest = self._largest(chunk)
-            below = [largest[name] <= getattr(self._safety, f"{name}_limit") * _NEAR for name in self._ending]
-            finite = [np.isfinite(signal).all(axis=-1) for signal in chunk.signals.values()]
-            kept = np.logical_and.reduce([*below, *finite])
-        ends = {}
-        for i in np.flatnonzero(~kept).tolist():
-            end = _replay(chunk, i, *self._taken_up(before, i, chunk.begin))
-            if end is not None:
-                ends[i] = end
-        return ends
+            seen = self._seen(chunk)
+            below = [
+                (seen[name] <= getattr(self._safety, f"{name}_limit") * _NEAR).all(axis=-1, where=inside)
+                for name in self._ending
+            ]
+        finite = [np.isfinite(signal).all(axis=-1, where=inside) for signal in chunk.signals.values()]
+        return np.asarray(~np.logical_and.reduce([*below, *finite]))
 
-    def _largest(self, chunk: SignalChunk) -> dict[str, FloatArray]:
-        """Return the largest value of every run that each limit could see."""
+    def _seen(self, chunk: SignalChunk) -> dict[str, FloatArray]:
+        """Return a bound of what each limit sees, (m, N)."""
         command, measured = chunk.signals["command"], chunk.signals["table_displacement"]
         last_offset = self._offset.state.T
         motion = self._motion.advance(command.T)
@@ -163,8 +129,7 @@ class LimitScreen:
             "stability": self._indicator.advance(chunk.signals["corrected_force"], chunk.displacements),
         }
         self._last_command = command[:, -1:]
-        self._past = np.hstack((self._past, displacement))[:, -self._past.shape[1] :]
-        return {name: value.max(axis=-1) for name, value in values.items()}
+        return values
 
     def _until_rest(self, velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return bounds of velocity and travel until the table is at rest, for absolute velocity and acceleration.
@@ -174,47 +139,5 @@ class LimitScreen:
         safety, step = self._safety, self._time_step
         unwinding = acceleration / safety.ramp_jerk
         speed = velocity + 0.5 * acceleration * unwinding
-        braking = np.maximum(2.0 * speed / safety.ramp_acceleration, np.sqrt(2.0 * np.pi * speed / safety.ramp_jerk))
-        return speed, speed * (unwinding + step + 0.5 * np.maximum(braking + step, 2.0 * step))
-
-    def _state(self) -> tuple[FloatArray, ...]:
-        """Return what the supervisor knows of every run before the next step."""
-        own = (self._motion.state, self._last_command.T, self._offset.state, self._tracking.state, self._past)
-        return (*own, *self._indicator.state())
-
-    def _taken_up(
-        self, state: tuple[FloatArray, ...], i: int, step: int
-    ) -> tuple[SafetySupervisor, StabilityIndicator, float]:
-        """Return supervisor and indicator in the state of a run, and the shear that was fed back last."""
-        motion, command, offset, tracking, past, displacements, forces, power, energy, value = state
-        supervisor, indicator = make_supervisor(self._config), make_stability_indicator(self._config)
-        if step:
-            displacement, velocity = motion[:, i].tolist()
-            now = Motion(displacement, velocity, float(command[0, i]))
-            supervisor.resume(step, now, float(offset[0, i]), float(tracking[0, i]), past[i, :-1].tolist())
-            acted = forces[i].tolist()
-            indicator.resume(displacements[i], acted[:3], float(power[0, i]), float(energy[0, i]))
-            indicator.value = float(value[i, 0])
-        return supervisor, indicator, float(forces[i, -1])
-
-
-def _replay(
-    chunk: SignalChunk, i: int, supervisor: SafetySupervisor, indicator: StabilityIndicator, feedback: float
-) -> LimitEnd | None:
-    """Go through a run step by step, in the order of `RthsLoop`."""
-    length = chunk.lengths[i]
-    columns = [chunk.signals[name][i, :length].tolist() for name in _MEASURED]
-    corrected = chunk.signals["corrected_force"][i].tolist()
-    for k, (command, displacement, acceleration, force, shear) in enumerate(zip(*columns, strict=True)):
-        step = chunk.begin + k
-        unstable = indicator.step(step, feedback, chunk.displacements[i, :, k])
-        if unstable is not None:
-            supervisor.record([unstable])
-            if supervisor.reason:
-                return LimitEnd(step, step, supervisor.reason)
-        if not supervisor.check(step, command):
-            return LimitEnd(step + 1, step, supervisor.reason)
-        floors = chunk.floors[i, :, k]
-        supervisor.observe(TableMeasurement(step, command, displacement, acceleration, force, shear, floors))
-        feedback = corrected[k]
-    return None
+        longest = np.maximum(2.0 * speed / safety.braking_acceleration, np.sqrt(2.0 * np.pi * speed / safety.ramp_jerk))
+        return speed, speed * (unwinding + step + 0.5 * np.maximum(longest + step, 2.0 * step))

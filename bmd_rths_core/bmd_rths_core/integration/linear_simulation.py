@@ -95,6 +95,23 @@ class LinearSimulation:
         return outputs
 
 
+def running_mean(time_step: float, time: float, runs: int) -> LinearSimulation:
+    """Return the mean ȳ += min(1, Δt / τ) (u − ȳ) of one signal of many runs.
+
+    Parameters
+    ----------
+    time_step : float
+        Δt [s].
+    time : float
+        Time constant τ [s].
+    runs : int
+        Number of runs.
+    """
+    share = min(1.0, time_step / time)
+    rest, new = np.array([[1.0 - share]]), np.array([[share]])
+    return LinearSimulation(DiscreteStateSpace(rest, new, rest, new), np.zeros((1, runs)))
+
+
 def _in_blocks(values: FloatArray, blocks: int) -> FloatArray:
     """Return rows as step in block, block, column; zeros fill the last block."""
     padded = np.zeros((blocks * BLOCK, values.shape[1]))

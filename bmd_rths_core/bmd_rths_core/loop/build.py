@@ -5,7 +5,7 @@ from __future__ import annotations
 from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator
+from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator, StabilityIndicatorArray
 from bmd_rths_core.stages.force_correction import ForceCorrection
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
@@ -64,6 +64,21 @@ def make_stability_indicator(config: Config) -> StabilityIndicator:
     """
     building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
     return StabilityIndicator(config.safety, building.masses, building.damping_matrix, config.run.time_step)
+
+
+def make_stability_indicator_array(config: Config, runs: int) -> StabilityIndicatorArray:
+    """Return the stability indicator of many runs of a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    runs : int
+        Number of runs.
+    """
+    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
+    masses, damping = building.masses, building.damping_matrix
+    return StabilityIndicatorArray(config.safety, masses, damping, config.run.time_step, runs)
 
 
 def make_table_controller(config: Config) -> TableController:

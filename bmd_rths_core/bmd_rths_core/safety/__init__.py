@@ -2,7 +2,16 @@
 
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.stability_indicator import StabilityIndicator
+from bmd_rths_core.safety.stability_indicator_array import StabilityIndicatorArray
 from bmd_rths_core.safety.supervisor import SafetySupervisor, State
 from bmd_rths_core.safety.trips import Action, Trip
 
-__all__ = ["Action", "SafetyConfig", "SafetySupervisor", "StabilityIndicator", "State", "Trip"]
+__all__ = [
+    "Action",
+    "SafetyConfig",
+    "SafetySupervisor",
+    "StabilityIndicator",
+    "StabilityIndicatorArray",
+    "State",
+    "Trip",
+]

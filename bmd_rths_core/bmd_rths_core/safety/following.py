@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 
 from bmd_rths_core.safety.commanded_motion import Motion
 from bmd_rths_core.safety.config import SafetyConfig
@@ -34,16 +33,9 @@ class FollowingCheck:
         self._steps = most_steps(config.following_time, time_step)
         self.reset()
 
-    def reset(self, past: Sequence[float] = ()) -> None:
-        """Begin at rest at zero displacement, or after a motion.
-
-        Parameters
-        ----------
-        past : sequence of float
-            Displacements at the ends of the steps before the last one, the newest last [m].
-        """
+    def reset(self) -> None:
+        """Begin at rest at zero displacement."""
         self._past = deque([0.0] * self._steps, maxlen=self._steps)
-        self._past.extend(past)
 
     def note(self, motion: Motion, held: int = 1) -> None:
         """Take note of where the commands have led the table, before they lead it on.

@@ -42,17 +42,6 @@ class MeasurementCheck:
         self._seen = [False] * len(_SENSORS)
         self._stuck_sensors.reset()
 
-    def resume(self, tracking_mean_square: float) -> None:
-        """Take up a test in the middle, in which every sensor has given values.
-
-        Parameters
-        ----------
-        tracking_mean_square : float
-            Mean square of the tracking error until now [m²/s⁴].
-        """
-        self._mean_square = tracking_mean_square
-        self._seen = [True] * len(_SENSORS)
-
     def step(self, measurement: TableMeasurement, explains: Callable[[float], bool]) -> list[Trip]:
         """Return the limits that a measurement passes.
 

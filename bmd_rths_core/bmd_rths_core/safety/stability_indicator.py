@@ -67,23 +67,6 @@ class StabilityIndicator:
         self.value = self.largest = 0.0
         self._tripped = False
 
-    def resume(self, displacements: FloatArray, forces: Sequence[float], power: float, energy: float) -> None:
-        """Take up a test in the middle; `value` has to be set besides.
-
-        Parameters
-        ----------
-        displacements : ndarray, shape (n, 3)
-            Of the last three steps, the newest last [m].
-        forces : sequence of three floats
-            Shears fed back that acted at them, the newest last [N].
-        power, energy : float
-            Their means [N m/s⁵, kg m²/s⁶].
-        """
-        self.reset()
-        self._displacements = [displacements[:, -i].copy() for i in (1, 2, 3)]
-        self._forces = (forces[2], forces[1], forces[0])
-        self._power, self._energy = power, energy
-
     def step(self, step: int, feedback_force: float, displacements: FloatArray) -> Trip | None:
         """Update the indicator.
 

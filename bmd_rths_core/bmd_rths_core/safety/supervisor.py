@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable
 from enum import Enum
 from functools import partial
 
@@ -13,22 +12,13 @@ from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.following import FollowingCheck
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
-from bmd_rths_core.safety.settling import Settling
 from bmd_rths_core.safety.trips import Action, Trip
+from bmd_rths_core.safety.way_to_rest import Planner, WayToRest
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.time_steps import most_steps
 
 #: Time constant of the mean difference between measured and commanded displacement [s].
 OFFSET_TIME = 1.0
-
-#: A table that is slower and nearer than this is at rest at zero displacement [m/s, m].
-SETTLED_VELOCITY = 2e-5
-SETTLED_DISPLACEMENT = 2e-5
-
-#: What commands that were not held for just Δt leave at the end is taken away by further ways to rest, gentle ones so
-#: that they leave less. So many are tried; each leaves about a hundredth of what it takes away.
-MOST_CORRECTIONS = 5
-_GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
 
 
 class State(Enum):
@@ -75,10 +65,9 @@ class SafetySupervisor:
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
         self.by_the_clock = False
         self._config = config
-        self._gentle = replace(config, **{name: min(getattr(config, name), most) for name, most in _GENTLE.items()})
         self._time_step = time_step
         self._measurement_check = MeasurementCheck(config, time_step)
-        self._settling = Settling(time_step)
+        self._way = WayToRest(config, time_step)
         self._following = FollowingCheck(config, time_step)
         self._actions = {name: config.action(name) for name in _COMMAND_LIMITS}
         self._silent_steps = most_steps(config.stale_shear_time, time_step)
@@ -96,37 +85,10 @@ class SafetySupervisor:
         self._offset = 0.0
         self._last_step = -1
         self._last_measured = -1
-        self._plan: list[float] | None = None
-        self._planned = REST
         self._replaced = 0.0  # the acceleration that the last command has replaced
-        self._corrections = 0
-        self._settling.reset()
+        self._way.reset()
         self._measurement_check.reset()
         self._following.reset()
-
-    def resume(
-        self, step: int, motion: Motion, offset: float, tracking_mean_square: float, past: Sequence[float]
-    ) -> None:
-        """Take up a test in the middle, none of whose limits was passed and none of whose sensors was lost.
-
-        Parameters
-        ----------
-        step : int
-            The step that comes next.
-        motion : Motion
-            Integral of the commands until then.
-        offset : float
-            Slow difference of the measured displacement to it [m].
-        tracking_mean_square : float
-            Mean square of the tracking error [m²/s⁴].
-        past : sequence of float
-            Displacements of the integral before the last step, the newest last [m]; as many as `following_time` has.
-        """
-        self.reset()
-        self._following.reset(past)
-        self._motion, self._offset = motion, offset
-        self._last_step = self._last_measured = step - 1
-        self._measurement_check.resume(tracking_mean_square)
 
     @property
     def trips(self) -> tuple[Trip, ...]:
@@ -149,7 +111,7 @@ class SafetySupervisor:
         """True when a ramp or hold has ended, and after an emergency stop."""
         if self.state is not State.HOLDING:
             return self.state is State.STOPPED
-        return self._plan == [] and not self._correctable()
+        return self._way.ended(self._motion, stop_commands)
 
     def check(self, step: int, command: float, late: float | None = None) -> bool:
         """Decide on the command of a step.
@@ -176,7 +138,7 @@ class SafetySupervisor:
         """
         if step <= self._last_step:
             raise ValueError(f"command of step {step} comes after that of step {self._last_step}")
-        if self._plan is not None:
+        if self._way.begun:
             return False
         unheard = self._last_step - self._last_measured
         skipped = step - self._last_step - 1
@@ -246,7 +208,7 @@ class SafetySupervisor:
                 acceleration=applied,
             )
         if math.isfinite(measurement.table_displacement):
-            self._settling.observe(measurement.step, measurement.table_displacement)
+            self._way.observe(measurement.step, measurement.table_displacement)
             difference = measurement.table_displacement - self._motion.displacement
             self._offset += self._offset_share * (difference - self._offset)
         self.record(
@@ -296,55 +258,28 @@ class SafetySupervisor:
         self._hold(late)
         if not self._motion.plausible:  # a ramp would have no end
             self._begin(Action.EMERGENCY_STOP)
-        if self._plan is not None and self._strayed():
-            self._plan = None
-        if self._plan is None:
-            self._plan, self._planned = self._way_to_rest(self._config), self._motion
-            self._corrections = 0
-        elif not self._plan and self._correctable():
-            self._plan, self._planned = self._way_to_rest(self._gentle), self._motion
-            self._corrections += 1
-        if self._plan:
-            return self._next_of_plan(self._plan)
-        if self.state is State.HOLDING or self._watches():
-            return self._send(0.0)
-        if self._plan:
-            return self._next_of_plan(self._plan)
-        self.state = State.STOPPED
-        return None
-
-    def _watches(self) -> bool:
-        """Tell whether the table is still watched at the end of its way; plan a further one when it is not at rest."""
-        if self.state is not State.RAMPING or not self.by_the_clock:
-            return False
-        if self._settling.watches(self._last_step + 1):
-            return True
-        found = self._settling.found() if self._corrections < MOST_CORRECTIONS else None
-        if found is not None and abs(found.displacement) <= self._config.displacement_limit:
-            self._motion = self._planned = found
-            self._plan = self._way_to_rest(self._gentle)
-            self._corrections += 1
-        return False
-
-    def _next_of_plan(self, plan: list[float]) -> TableCommand:
-        command = plan.pop()
-        self._planned = self._planned.after(command, self._time_step)
+        command = self._way.next(self._motion, _PLANNERS.get(self.state))
+        if command is None:
+            command = 0.0 if self.state is State.HOLDING else self._at_the_end()
+        if command is None:
+            self.state = State.STOPPED
+            return None
         return self._send(command)
+
+    def _at_the_end(self) -> float | None:
+        """Return zero while the table is watched at the end of its way, then the first command of a further one."""
+        if self.state is not State.RAMPING or not self.by_the_clock:
+            return None
+        if self._way.watches(self._last_step + 1):
+            return 0.0
+        found = self._way.found()
+        if found is None:
+            return None
+        self._motion = found
+        return self._way.correct(found, ramp_commands)
 
     def _whole_steps(self, late: float) -> int:
         return max(0, math.floor(late / self._time_step + 1e-9))
-
-    def _strayed(self) -> bool:
-        """Tell whether commands were held for so much longer or shorter that the plan does not lead to rest."""
-        off = 0.5 * self._config.ramp_acceleration * self._time_step
-        return abs(self._motion.velocity - self._planned.velocity) > off
-
-    def _correctable(self) -> bool:
-        """Tell whether the table still moves, or stands off zero, because commands were not held for just Δt."""
-        if self.state not in (State.HOLDING, State.RAMPING) or self._corrections >= MOST_CORRECTIONS:
-            return False
-        off = self.state is State.RAMPING and abs(self._motion.displacement) > SETTLED_DISPLACEMENT
-        return off or abs(self._motion.velocity) > SETTLED_VELOCITY
 
     def _hold(self, late: float) -> None:
         """Follow the table while it has held the last command for longer than Δt, or for a shorter time."""
@@ -366,18 +301,7 @@ class SafetySupervisor:
         if _SEVERITY[state] <= _SEVERITY[self.state]:
             return
         self.state = state
-        self._plan = None
-
-    def _way_to_rest(self, config: SafetyConfig) -> list[float]:
-        """Return the commands to rest, the last one first."""
-        if self.state is State.HOLDING:
-            commands = stop_commands(self._motion, config, self._time_step)
-        elif self.state is State.RAMPING:
-            commands = ramp_commands(self._motion, config, self._time_step)
-        else:
-            return []
-        plan: list[float] = commands[::-1].tolist()
-        return plan
+        self._way.abandon()
 
     def _passed_limits(self, step: int, command: float, silent: float, unheard: int) -> list[Trip]:
         """Return every limit that a command passes."""
@@ -435,4 +359,6 @@ _STATES = {
     Action.RAMP: State.RAMPING,
     Action.EMERGENCY_STOP: State.STOPPED,
 }
+#: What makes the commands of the way to rest.
+_PLANNERS: dict[State, Planner] = {State.HOLDING: stop_commands, State.RAMPING: ramp_commands}
 _SEVERITY = {state: severity for severity, state in enumerate(State)}

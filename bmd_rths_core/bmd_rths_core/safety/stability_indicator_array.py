@@ -2,35 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.config import Config
-from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.integration.linear_simulation import LinearSimulation
-from bmd_rths_core.structure.nonlinear_building import nonlinear_building
+from bmd_rths_core.integration.linear_simulation import running_mean
+from bmd_rths_core.safety.config import SafetyConfig
 
 FloatArray = NDArray[np.float64]
 
 
-class IndicatorScreen:
+class StabilityIndicatorArray:
     """The stability indicator as an array operation; equations and symbols as in `StabilityIndicator`.
+
+    It has values only: no limit, no trip.
 
     Parameters
     ----------
-    config : Config
-        The configuration of all runs.
+    config : SafetyConfig
+        Time constant and floor.
+    masses : array_like, shape (n,)
+        Floor masses of the numerical substructure [kg].
+    damping_matrix : ndarray, shape (n, n)
+        Its damping matrix [N s/m].
+    time_step : float
+        Δt [s].
     runs : int
-        Number of runs m.
+        Number of runs m, all with the same numerical substructure.
     """
 
-    def __init__(self, config: Config, runs: int) -> None:
-        building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
-        self._masses, self._damping = building.masses, building.damping_matrix
-        self._time_step = config.run.time_step
-        self._floor = float(self._masses.sum()) * config.safety.stability_floor**2
-        self._power = running_mean(self._time_step, config.safety.stability_time, runs)
-        self._energy = running_mean(self._time_step, config.safety.stability_time, runs)
+    def __init__(
+        self,
+        config: SafetyConfig,
+        masses: Sequence[float] | FloatArray,
+        damping_matrix: FloatArray,
+        time_step: float,
+        runs: int,
+    ) -> None:
+        self._masses, self._damping = np.asarray(masses, dtype=np.float64), damping_matrix
+        self._time_step = time_step
+        self._floor = float(self._masses.sum()) * config.stability_floor**2
+        self._power = running_mean(time_step, config.stability_time, runs)
+        self._energy = running_mean(time_step, config.stability_time, runs)
         self._displacements = np.zeros((runs, len(self._masses), 3))
         self._forces = np.zeros((runs, 4))
         self._value = np.zeros((runs, 1))
@@ -47,13 +61,6 @@ class IndicatorScreen:
         self._energy.keep(runs)
         self._displacements, self._forces = self._displacements[runs], self._forces[runs]
         self._value = self._value[runs]
-
-    def state(self) -> tuple[FloatArray, ...]:
-        """Return the last three displacements (m, n, 3), the last four corrected forces (m, 4), power, energy, value.
-
-        The newest come last. The last corrected force has not acted yet.
-        """
-        return self._displacements, self._forces, self._power.state, self._energy.state, self._value
 
     def advance(self, corrected_force: FloatArray, displacements: FloatArray) -> FloatArray:
         """Return the indicator at the next steps.
@@ -83,20 +90,3 @@ class IndicatorScreen:
         value = total - np.minimum(0.0, np.minimum.accumulate(total, axis=-1))
         self._value = value[:, -1:]
         return np.asarray(value)
-
-
-def running_mean(time_step: float, time: float, runs: int) -> LinearSimulation:
-    """Return the means of the safety package, ȳ += share (u − ȳ), for many runs.
-
-    Parameters
-    ----------
-    time_step : float
-        Δt [s].
-    time : float
-        Time constant [s].
-    runs : int
-        Number of runs.
-    """
-    share = min(1.0, time_step / time)
-    rest, new = np.array([[1.0 - share]]), np.array([[share]])
-    return LinearSimulation(DiscreteStateSpace(rest, new, rest, new), np.zeros((1, runs)))

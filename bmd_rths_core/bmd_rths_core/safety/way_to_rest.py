@@ -1,0 +1,131 @@
+"""The way to rest while it is gone: planned, planned anew where the table has strayed, corrected at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.safety.commanded_motion import REST, Motion
+from bmd_rths_core.safety.config import SafetyConfig
+from bmd_rths_core.safety.ramp import ramp_commands
+from bmd_rths_core.safety.settling import Settling
+
+#: A table that is slower and nearer than this is at rest at zero displacement [m/s, m].
+SETTLED_VELOCITY = 2e-5
+SETTLED_DISPLACEMENT = 2e-5
+
+#: What commands that were not held for just Δt leave at the end is taken away by further ways to rest, gentle ones so
+#: that they leave less. So many are tried; each leaves about a hundredth of what it takes away.
+MOST_CORRECTIONS = 5
+_GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
+
+#: `stop_commands` or `ramp_commands`.
+Planner = Callable[[Motion, SafetyConfig, float], NDArray[np.float64]]
+
+
+class WayToRest:
+    """The commands that bring the table to rest.
+
+    Parameters
+    ----------
+    config : SafetyConfig
+        Acceleration, jerk and velocity of the way.
+    time_step : float
+        Δt [s].
+    """
+
+    def __init__(self, config: SafetyConfig, time_step: float) -> None:
+        self._config = config
+        self._gentle = replace(config, **{name: min(getattr(config, name), most) for name, most in _GENTLE.items()})
+        self._time_step = time_step
+        self._settling = Settling(time_step)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._plan: list[float] | None = None
+        self._planned = REST
+        self._corrections = 0
+        self._settling.reset()
+
+    @property
+    def begun(self) -> bool:
+        """True from the first plan until `abandon`."""
+        return self._plan is not None
+
+    def ended(self, motion: Motion, planner: Planner) -> bool:
+        """Tell whether all commands were given, and no further way is to follow."""
+        return self._plan == [] and not self._correctable(motion, planner)
+
+    def abandon(self) -> None:
+        """Drop the plan; the next way begins with a new one."""
+        self._plan = None
+
+    def observe(self, step: int, displacement: float) -> None:
+        """Take a measured displacement [m]."""
+        self._settling.observe(step, displacement)
+
+    def next(self, motion: Motion, planner: Planner | None) -> float | None:
+        """Return the next command, after planning where that is needed.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion of the table now.
+        planner : callable or None
+            Makes the commands; None when there are none to be made.
+
+        Returns
+        -------
+        float or None
+            Acceleration command [m/s²]; None at the end of the way.
+        """
+        if self._plan is None or self._strayed(motion):
+            self._begin(motion, planner, self._config)
+            self._corrections = 0
+        elif not self._plan and self._correctable(motion, planner):
+            self._begin(motion, planner, self._gentle)
+            self._corrections += 1
+        return self._pop()
+
+    def watches(self, step: int) -> bool:
+        """Tell whether the table is still to be watched at the end of the way, with zero acceleration."""
+        return self._settling.watches(step)
+
+    def found(self) -> Motion | None:
+        """End the watch, and return the motion that was seen where a further way is to take it away."""
+        found = self._settling.found() if self._corrections < MOST_CORRECTIONS else None
+        return found if found is not None and abs(found.displacement) <= self._config.displacement_limit else None
+
+    def correct(self, motion: Motion, planner: Planner) -> float | None:
+        """Begin a gentle way from a motion that was seen, and return its first command."""
+        self._begin(motion, planner, self._gentle)
+        self._corrections += 1
+        return self._pop()
+
+    def _begin(self, motion: Motion, planner: Planner | None, config: SafetyConfig) -> None:
+        """Plan the commands, the last one first."""
+        self._plan = [] if planner is None else planner(motion, config, self._time_step)[::-1].tolist()
+        self._planned = motion
+
+    def _pop(self) -> float | None:
+        if not self._plan:
+            return None
+        command = self._plan.pop()
+        self._planned = self._planned.after(command, self._time_step)
+        return command
+
+    def _strayed(self, motion: Motion) -> bool:
+        """Tell whether commands were held for so much longer or shorter that the plan does not lead to rest."""
+        off = 0.5 * self._config.ramp_acceleration * self._time_step
+        return abs(motion.velocity - self._planned.velocity) > off
+
+    def _correctable(self, motion: Motion, planner: Planner | None) -> bool:
+        """Tell whether the table still moves, or stands off zero, because commands were not held for just Δt."""
+        if planner is None or self._corrections >= MOST_CORRECTIONS:
+            return False
+        off = planner is ramp_commands and abs(motion.displacement) > SETTLED_DISPLACEMENT
+        return off or abs(motion.velocity) > SETTLED_VELOCITY
