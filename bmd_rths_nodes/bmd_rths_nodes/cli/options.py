@@ -68,6 +68,17 @@ def progress_bar(*columns: ProgressColumn) -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
+def printable(text: str) -> str:
+    """Return text from outside as it may be shown on a terminal: its control characters as escapes, on one line.
+
+    Parameters
+    ----------
+    text : str
+        A file name, say.
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
+
+
 def log(text: str) -> None:
     """Tell a person something, on standard error."""
     print(text, file=sys.stderr, flush=True)
