@@ -48,9 +48,9 @@ class GroundMotionConfig:
         upper=1.0,
     )
     columns: str = parameter(
-        "",
+        FROM_FILE,
         description="What the columns of a file of numbers are, with commas between: time, the name of a component, or "
-        "- for one that is passed over; series for one series over all lines; empty for all other files",
+        "- for one that is passed over; series for one series over all lines; from_file for all other files",
     )
     resample: bool = parameter(
         False,
@@ -108,6 +108,10 @@ class GroundMotionConfig:
         check_parameters(self)
         if not self.record:
             raise InputError("ground_motion.record: empty; a path or the name of a shipped record is required")
+        if not self.columns:
+            raise InputError(
+                f"ground_motion.columns: empty; names are required, {FROM_FILE!r} for a file that has them"
+            )
         if not self.component:
             raise InputError(
                 f"ground_motion.component: empty; a name is required, {ONLY!r} for a file with one component"

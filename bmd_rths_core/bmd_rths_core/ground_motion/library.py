@@ -48,7 +48,7 @@ def read_ground_motion(
     unit: str = FROM_FILE,
     *,
     time_step: float = 0.0,
-    columns: str = "",
+    columns: str = FROM_FILE,
     high_pass: bool = False,
 ) -> GroundMotion:
     """Read a shipped record by its name, or a file by its path; the content of the file tells its format.
@@ -115,9 +115,9 @@ def format_of(file: RecordFile) -> RecordFormat:
     suffix = file.path.suffix.lower()
     named = [known for known in FORMATS if suffix in known.suffixes]
     found = next((known for known in (*named, *FORMATS) if known.recognises(file)), None)
-    if file.stated.columns:
+    if file.stated.columns != FROM_FILE:
         if found not in (None, CSV, NUMBERS):
-            problem = f"ground_motion.columns (--columns) is {quoted(file.stated.columns)}, not empty"
+            problem = f"ground_motion.columns (--columns) is {quoted(file.stated.columns)}, not {FROM_FILE!r}"
             raise InputError(f"{file.path}: a file in format {found.name} says what it holds; {problem}")
         return NUMBERS
     if found is not None:

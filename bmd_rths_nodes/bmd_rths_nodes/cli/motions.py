@@ -45,7 +45,9 @@ def motions(folder: Path, dt: float | None, unit: str | None, columns: str | Non
     f is the frequency of the peak of the power spectral density of the acceleration (Welch, segments of 10 s), D5-95
     the significant duration. PGV is integrated from rest without any correction.
     """
-    asked = GroundMotionConfig(unit=unit or FROM_FILE, record_time_step=dt or 0.0, columns=columns or "")  # checks them
+    asked = GroundMotionConfig(
+        unit=unit or FROM_FILE, record_time_step=dt or 0.0, columns=columns or FROM_FILE
+    )  # checks them
     stated = Stated(unit=asked.unit, time_step=asked.record_time_step, columns=asked.columns)
     paths = record_files(folder)
     records: list[dict[str, Any]] = []

@@ -8,6 +8,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.dialect import Rows, are_numbers
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile
 from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
 from bmd_rths_core.ground_motion.formats.time_column import step_of_times
 from bmd_rths_core.ground_motion.formats.units import quoted
 
@@ -30,7 +31,7 @@ def _recognises(file: RecordFile) -> bool:
 def _channels(file: RecordFile) -> list[Channel]:
     rows = Rows(file)
     numbered = rows.numbered
-    names = [name.strip() for name in file.stated.columns.split(",")] if file.stated.columns else []
+    names = [name.strip() for name in file.stated.columns.split(",")] if file.stated.columns != FROM_FILE else []
     if names:  # a person has said what the columns are, so that lines above them are not needed
         first = next((i for i, (_, line) in enumerate(numbered) if are_numbers(_cells(rows, line))), len(numbered))
         numbered = numbered[first:]

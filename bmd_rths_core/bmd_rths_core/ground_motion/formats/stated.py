@@ -24,7 +24,7 @@ class Stated:
     time_step : float
         Time step of a file that states none [s], 0 for all others.
     columns : str
-        What the columns of a file of numbers are, with commas between; see `formats.number_columns`. Empty for others.
+        What the columns of a file of numbers are, with commas between, see `number_columns`; `FROM_FILE` for others.
     high_pass : bool
         The baseline is corrected afterwards, so that a record whose baseline is not may be read.
     """
@@ -32,5 +32,5 @@ class Stated:
     component: str = ONLY
     unit: str = FROM_FILE
     time_step: float = 0.0
-    columns: str = ""
+    columns: str = FROM_FILE
     high_pass: bool = False
