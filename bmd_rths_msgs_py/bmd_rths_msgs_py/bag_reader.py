@@ -77,13 +77,16 @@ def read_bag(path: Path | str) -> RunRecord:
         It cannot be read or is not a bag of this project.
     """
     path = Path(path)
+    files = bag_files(path)
     try:
-        contents = _Contents(bag_files(path))
+        contents = _Contents(files)
         if START_RECORD not in contents.metadata:
             contents.take_custom_data(path / "metadata.yaml")
         contents.take_promises(path / "metadata.yaml")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     try:
         return contents.record(str(path))
     except InputError as error:

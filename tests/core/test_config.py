@@ -69,7 +69,7 @@ def test_changed_validates_and_leaves_the_original():
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        (["specimen:", "  masses: [-760.0, 800.0]"], "specimen.masses: [-760, 800] is not allowed; > 0 kg is required"),
+        (["specimen:", "  masses: [-760.0, 800.0]"], "specimen.masses: [-760, 800] is not allowed; >= 0.1 kg and"),
         (["specimen:", "  mases: [1.0]"], "specimen.mases: unknown parameter; allowed here: masses, stiffnesses,"),
         (["specimen:", "  masses: 760.0"], "specimen.masses: 760.0 is not a list; a list of numbers in kg is required"),
         (["specimen:", "  masses: [1.0]"], "specimen: masses, stiffnesses and damping_coefficients need one entry a"),

@@ -11,6 +11,7 @@ from scipy.linalg import solve_discrete_are
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import VARIANCE
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 
@@ -37,16 +38,14 @@ class ShearEstimatorConfig:
         description="Accelerometer noise the filter assumes, root mean square",
         unit="m/s2",
         source="Chen et al. 2020",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
     model_error: float = parameter(
         0.1,
         description="Unmodelled acceleration of every floor the filter assumes, root mean square, white over the steps",
         unit="m/s2",
         source="tuned on the simulated table",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
 
     def __post_init__(self) -> None:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
+from bmd_rths_core.bounded_yaml import parse_yaml
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
@@ -117,8 +117,8 @@ def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
         if not (equals and dot and key):
             raise InputError(f"--set {setting}: SECTION.KEY=VALUE is required")
         try:
-            changes[f"{section}__{key}"] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+            changes[f"{section}__{key}"] = parse_yaml(value, "value")
+        except InputError as error:
             raise InputError(f"--set {setting}: {value!r} is not a YAML value") from error
     return changes
 
