@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -436,3 +437,117 @@ def test_vector_without_a_time_step_needs_one(write) -> None:
     assert "record_time_step (--dt) must give it" in refusal(path, component="acc", unit="g")
     assert_wave(read_ground_motion(path, "acc", "g", time_step=0.005))
     assert "may be no acceleration" in refusal(write(mat(dt=0.1, vel=WAVE)), unit="g")
+
+
+# ---------------------------------------------------------------------------------------------------------- smc and sac
+
+
+def smc(title: str = "2 CORRECTED ACCELEROGRAM", values: np.ndarray = 100 * WAVE) -> str:
+    integers, reals = np.full(48, -32768), np.full(50, 1.7e38)
+    integers[15], integers[16], reals[1] = 2, len(values), 200.0
+    lines = [title, *["*"] * 10]
+    lines += ["".join(f"{n:10d}" for n in integers[i : i + 8]) for i in range(0, 48, 8)]
+    lines += ["".join(f"{x:15.7E}" for x in reals[i : i + 5]) for i in range(0, 50, 5)]
+    lines += ["| made up", "|"]
+    lines += ["".join(f"{x:10.4f}" for x in values[i : i + 8]) for i in range(0, len(values), 8)]
+    return "\n".join([*lines, ""])
+
+
+def test_smc_is_read(write) -> None:
+    motion = read_ground_motion(write(smc()))
+    assert (motion.steps, motion.time_step) == (200, 0.005)
+    np.testing.assert_allclose(motion.acceleration, WAVE, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("title", "found"),
+    [("1 UNCORRECTED ACCELEROGRAM", "an uncorrected record"), ("3 VELOCITY", "a velocity"),
+     ("4 DISPLACEMENT", "a displacement"), ("5 RESPONSE SPECTRA", "a spectrum")],
+)  # fmt: skip
+def test_smc_of_another_kind_is_called_by_its_name(write, title: str, found: str) -> None:
+    assert refusal(write(smc(title))).startswith(f"line 1: {found}, by ")
+
+
+def test_smc_that_is_cut_is_refused(write) -> None:
+    assert "the file ends after" in refusal(write("\n".join(smc().splitlines()[:-1])))
+    assert "columns of 10 characters" in refusal(write(smc().rstrip()[:-3]))
+
+
+def sac(order: str = "<", quantity: int = 8, values: np.ndarray = WAVE) -> bytes:
+    floats, words = [-12345.0] * 70, [-12345] * 40
+    floats[0] = 0.005
+    words[76 - 70], words[79 - 70], words[85 - 70], words[86 - 70], words[105 - 70] = 6, len(values), 1, quantity, 1
+    names = b"-12345  " * 24
+    names = names[:160] + b"HNE     " + names[168:]
+    head = struct.pack(f"{order}70f", *floats) + struct.pack(f"{order}40i", *words) + names[:192]
+    return head + values.astype(f"{order}f4").tobytes()
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_sac_is_read(write, order: str) -> None:
+    path = write(sac(order))
+    assert "states no unit" in refusal(path)
+    assert_wave(read_ground_motion(path, "HNE", "g"))
+
+
+@pytest.mark.parametrize(("quantity", "name"), [(6, "displacement"), (7, "velocity")])
+def test_sac_of_another_quantity_is_called_by_its_name(write, quantity: int, name: str) -> None:
+    assert refusal(write(sac(quantity=quantity)), unit="g").startswith(f"a {name}, by its header")
+
+
+def test_sac_that_is_cut_is_refused(write) -> None:
+    assert "200 points need 1432" in refusal(write(sac()[:-4]), unit="g")
+
+
+# ------------------------------------------------------------------------------------------------------------- archives
+
+
+def zipped(files: dict[str, bytes]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def test_records_inside_archives_are_components(write) -> None:
+    inner = zipped({"CHAN001.V2": csmip(), "readme.txt": b"of the agency"})
+    path = write(zipped({"a/b.zip": inner, "x.AT2": at2().encode()}), "cesmd.zip")
+    assert "must be one of" in refusal(path)
+    names = [entry.component for entry in catalogue(path)]
+    assert names == ["b.zip CHAN001.V2 90 DEG", "b.zip CHAN001.V2 UP", "b.zip CHAN001.V2 0 DEG", "x.AT2"]
+    assert_wave(read_ground_motion(path, "x.AT2"))
+    motion = read_ground_motion(path, "b.zip CHAN001.V2 UP")
+    np.testing.assert_allclose(motion.acceleration, COMPONENTS[1] / 100.0, atol=1e-14)
+
+
+def test_archive_that_grows_is_refused(write) -> None:
+    assert "100 MB inside" in refusal(write(zipped({"zeros.txt": bytes(120_000_000)})))
+
+
+def test_archive_without_a_record_is_refused(write) -> None:
+    assert "without a ground motion" in refusal(write(zipped({"readme.txt": b"hello"})))
+    assert "a damaged archive" in refusal(write(zipped({"readme.txt": b"hello"})[:-30]))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
+@given(data=st.data(), kind=st.sampled_from(["smc", "sac", "zip", "csv", "numbers", "miniseed"]))
+def test_damaged_records_are_read_or_refused_in_one_line(tmp_path: Path, data: st.DataObject, kind: str) -> None:
+    samples = {
+        "smc": smc().encode(),
+        "sac": sac(),
+        "zip": zipped({"x.AT2": at2().encode()}),
+        "csv": csv("time_s,acc_ns_g,acc_ew_g", columns=2).encode(),
+        "numbers": csv("", " ").lstrip().encode(),
+        "miniseed": b"000001D XXX  00HNEYY" + bytes(492),
+    }
+    content = bytearray(samples[kind])
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(content) - 1))
+        content[place : place + data.draw(st.integers(0, 9))] = data.draw(st.binary(max_size=9))
+    path = tmp_path / "record"
+    path.write_bytes(content)
+    try:
+        read_ground_motion(path, "ns" if kind == "csv" else "only", time_step=0.0)
+    except InputError as error:
+        assert len(str(error).splitlines()) == 1  # noqa: PT017  (either is right)

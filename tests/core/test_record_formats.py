@@ -282,7 +282,15 @@ def test_file_larger_than_any_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_format_has_a_sample() -> None:
-    assert {known.name for known in FORMATS} == {*SAMPLES, "PEER AT2", "CSV", "columns of numbers"}
+    assert {known.name for known in FORMATS} == {
+        *SAMPLES,
+        "PEER AT2",
+        "CSV",
+        "columns of numbers",
+        "USGS SMC",
+        "SAC",
+        "miniSEED",
+    }
 
 
 @pytest.mark.parametrize("name", SAMPLES)

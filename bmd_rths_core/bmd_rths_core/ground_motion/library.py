@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats.archive import archive_format
 from bmd_rths_core.ground_motion.formats.at2 import AT2
 from bmd_rths_core.ground_motion.formats.cosmos import COSMOS
 from bmd_rths_core.ground_motion.formats.csmip import CSMIP
@@ -19,16 +20,22 @@ from bmd_rths_core.ground_motion.formats.geonet import GEONET
 from bmd_rths_core.ground_motion.formats.jma import JMA
 from bmd_rths_core.ground_motion.formats.knet import KNET
 from bmd_rths_core.ground_motion.formats.mat import MAT
+from bmd_rths_core.ground_motion.formats.miniseed import MINISEED
 from bmd_rths_core.ground_motion.formats.number_columns import NUMBERS
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
 from bmd_rths_core.ground_motion.formats.record_format import RecordFormat, choose
+from bmd_rths_core.ground_motion.formats.sac import SAC
 from bmd_rths_core.ground_motion.formats.simcenter import SIMCENTER
+from bmd_rths_core.ground_motion.formats.smc import SMC
 from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY, Stated
 from bmd_rths_core.ground_motion.formats.units import named_quantity, quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 #: The formats that are read. A new one is a new module, and one entry here.
-FORMATS: tuple[RecordFormat, ...] = (AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT, NUMBERS)
+FORMATS: tuple[RecordFormat, ...] = (
+    *(AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT, SMC, SAC, MINISEED),
+    NUMBERS,  # what no other one recognises
+)
 
 # Records in the public domain; each is data/<name>.csv in this package.
 _SHIPPED = ("el_centro_1940_ns",)
@@ -114,12 +121,12 @@ def format_of(file: RecordFile) -> RecordFormat:
     """
     suffix = file.path.suffix.lower()
     named = [known for known in FORMATS if suffix in known.suffixes]
-    found = next((known for known in (*named, *FORMATS) if known.recognises(file)), None)
+    found = next((known for known in (*named, *FORMATS, ARCHIVE) if known.recognises(file)), None)
     if file.stated.columns != FROM_FILE:
-        if found not in (None, CSV, NUMBERS):
+        if found not in (None, CSV, NUMBERS, ARCHIVE):
             problem = f"ground_motion.columns (--columns) is {quoted(file.stated.columns)}, not {FROM_FILE!r}"
             raise InputError(f"{file.path}: a file in format {found.name} says what it holds; {problem}")
-        return NUMBERS
+        return NUMBERS if found is not ARCHIVE else found
     if found is not None:
         return found
     if named:
@@ -127,6 +134,10 @@ def format_of(file: RecordFile) -> RecordFormat:
     _check_first_lines(file)
     names = ", ".join(known.name for known in FORMATS)
     raise InputError(f"{file.path}: not a ground motion in a format that is read: {names}")
+
+
+#: Files inside an archive are in any of the formats.
+ARCHIVE = archive_format(format_of)
 
 
 def _check_first_lines(file: RecordFile) -> None:
