@@ -152,6 +152,8 @@ def _escaped(text: str) -> str:
 
 
 def _result(row: Mapping[str, str]) -> dict[str, Any]:
+    if None in row:  # the key csv gives cells that are left over
+        raise ValueError("more cells than columns")
     row = {
         name: text.removeprefix("'") if text is not None and text[1:].startswith(_FORMULA) and text[:1] == "'" else text
         for name, text in row.items()

@@ -90,7 +90,9 @@ def _sheet(file: RecordFile) -> RecordFile:
     try:
         openpyxl = importlib.import_module("openpyxl")
     except ModuleNotFoundError:
-        raise InputError(f"{file.path}: a workbook; openpyxl is required to read it: pip install openpyxl") from None
+        raise InputError(
+            f"{file.path}: a workbook; openpyxl is required to read it: pip install bmd_rths_core[xlsx]"
+        ) from None
     try:
         book = openpyxl.load_workbook(io.BytesIO(file.content), read_only=True, data_only=True)
         rows = list(book.worksheets[0].iter_rows(values_only=True))

@@ -21,7 +21,9 @@ def _channels(file: RecordFile) -> list[Channel]:
     try:
         obspy = importlib.import_module("obspy")
     except ModuleNotFoundError:
-        raise InputError(f"{file.path}: miniSEED; ObsPy is required to read it: pip install obspy") from None
+        raise InputError(
+            f"{file.path}: miniSEED; ObsPy is required to read it: pip install bmd_rths_core[obspy]"
+        ) from None
     try:
         stream = obspy.read(io.BytesIO(file.content), format="MSEED")
     except Exception as error:  # of a damaged file ObsPy raises what it happens to run into
