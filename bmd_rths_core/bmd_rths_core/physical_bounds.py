@@ -48,3 +48,19 @@ VARIANCE = Bounds(lower=1e-9, upper=1e3)  # m/s²
 FACTOR = Bounds(lower=-1e4, upper=1e4)
 POSITIVE_FACTOR = Bounds(lower=1e-6, upper=1e4)
 COEFFICIENT = Bounds(lower=-1e20, upper=1e20)
+
+#: Slower than this a table would take minutes to come to rest.
+RAMP_ACCELERATION = Bounds(lower=0.01, upper=1e5)  # m/s²
+RAMP_JERK = Bounds(lower=0.1, upper=1e9)  # m/s³
+
+#: Limits of the safety supervisor, some of which are set so low that they trip, or so high that they never do.
+LIMITS_BY_UNIT = {
+    "m": DISPLACEMENT,
+    "m/s": SPEED,
+    "m/s2": Bounds(lower=1e-9, upper=1e6),
+    "m/s3": Bounds(lower=1e-9, upper=1e9),
+    "N": Bounds(lower=1e-3, upper=1e10),
+    "s": Bounds(lower=1e-4, upper=1e3),
+    "rad/s": Bounds(lower=1e-3, upper=1e3),
+    "1": Bounds(lower=1e-6, upper=1e12),
+}
