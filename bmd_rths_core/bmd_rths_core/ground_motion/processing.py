@@ -29,9 +29,7 @@ SMALLEST_PEAK = 1e-6
 #: What is left of a constant by the rounding of `high_pass`, as a part of it, with a margin.
 ROUNDING = 1e-11
 
-#: Most points `high_pass` extends a record by at each end.
-MAX_EXTENSION = 5_000_000
-
+MAX_EXTENSION = 5_000_000  #: Most points `high_pass` extends a record by at each end.
 #: Order of the Butterworth filter of `high_pass`, both directions together.
 _HIGH_PASS_ORDER = 4
 
@@ -189,12 +187,11 @@ def high_pass(motion: GroundMotion, frequency: float) -> GroundMotion:
         raise InputError(
             f"high-pass frequency {frequency:g} Hz; ground motion {motion.name!r} can be filtered {allowed}"
         )
-    if 0.75 * _HIGH_PASS_ORDER / (frequency * motion.time_step) > MAX_EXTENSION:
-        raise InputError(
-            f"high-pass frequency {frequency:g} Hz; its extension of {0.75 * _HIGH_PASS_ORDER / frequency:g} s is more "
-            f"than {MAX_EXTENSION} points of ground motion {motion.name!r}"
-        )
-    extension = math.ceil(0.75 * _HIGH_PASS_ORDER / (frequency * motion.time_step))
+    points = 0.75 * _HIGH_PASS_ORDER / (frequency * motion.time_step)
+    if points > MAX_EXTENSION:
+        problem = f"extends ground motion {motion.name!r} by {points:.3g} points; at most {MAX_EXTENSION} are allowed"
+        raise InputError(f"high-pass frequency {frequency:g} Hz {problem}")
+    extension = math.ceil(points)
     extended = np.pad(motion.acceleration - motion.acceleration.mean(), extension)
     points = 1 << (2 * len(extended)).bit_length()  # twice as long, because the transform is circular
     powers = np.fft.rfftfreq(points, motion.time_step) ** _HIGH_PASS_ORDER
