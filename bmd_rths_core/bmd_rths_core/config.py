@@ -10,6 +10,7 @@ from typing import Any, ClassVar, cast
 
 import yaml
 
+from bmd_rths_core.bounded_yaml import read_yaml
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES, Scheme
 from bmd_rths_core.errors import InputError
@@ -243,7 +244,7 @@ def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
         if name not in SECTIONS:
             raise InputError(f"{name}: unknown section; allowed here: {', '.join(SECTIONS)}")
         if not isinstance(values, Mapping):
-            raise InputError(f"{name}: {values!r} is not a section; parameters with values are required")
+            raise InputError(f"{name}: {_short(values)} is not a section; parameters with values are required")
     return Config(**{name: build_section(SECTIONS[name], values) for name, values in mapping.items()})
 
 
@@ -297,15 +298,7 @@ def _named(path: str | Path, mapping: Mapping[str, Any]) -> Config:
 
 
 def _read_sections(path: str | Path) -> Mapping[str, Any]:
-    try:
-        with open(path, encoding="utf-8") as file:
-            document = yaml.load(file, Loader=_UniqueKeyLoader)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', error)}") from error
+    document = read_yaml(path)
     try:
         parameters = document["/**"]["ros__parameters"]
     except (TypeError, KeyError):
@@ -313,18 +306,11 @@ def _read_sections(path: str | Path) -> Mapping[str, Any]:
             f"{path}: no parameters found; they are required below '/**:' and 'ros__parameters:'"
         ) from None
     if not isinstance(parameters, Mapping):
-        raise InputError(f"{path}: 'ros__parameters:' holds {parameters!r}; sections are required")
+        raise InputError(f"{path}: 'ros__parameters:' holds {_short(parameters)}; sections are required")
     return parameters
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
-    """YAML that refuses a key given twice instead of keeping the last one."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
-        seen = set()
-        for key_node, _ in node.value:
-            key = key_node.value
-            if key in seen:
-                raise yaml.MarkedYAMLError(problem=f"{key!r} is given twice", problem_mark=key_node.start_mark)
-            seen.add(key)
-        return super().construct_mapping(node, deep)
+def _short(value: object) -> str:
+    """Return a value for a message, on one line."""
+    text = repr(value)
+    return text if len(text) <= 200 else text[:200] + "..."

@@ -17,6 +17,12 @@ from bmd_rths_core.errors import InputError
 
 Section = TypeVar("Section")
 
+#: Smallest number that is not 0, in any unit of a parameter: products of smaller ones are no numbers any more.
+SMALLEST = 1e-100
+
+# Numbers of an array, and characters of a value, that a message shows
+_MOST_SHOWN, _LONGEST = 60, 300
+
 _METADATA_KEY = "bmd_rths.parameter"
 
 
@@ -86,10 +92,12 @@ class ParameterSpec:
         """
         entries = value if isinstance(value, tuple) else (value,)
         for entry in entries:
+            if isinstance(entry, float) and 0.0 < abs(entry) < SMALLEST:
+                raise InputError(f"{name}: {_shown(value)} is not allowed; 0 or at least {SMALLEST:g} is required")
             if isinstance(entry, (int, float)) and not isinstance(entry, bool) and self._number_problem(entry):
                 raise InputError(f"{name}: {_shown(value)} is not allowed; {self.allowed()} is required")
             if self.choices and entry not in self.choices:
-                raise InputError(f"{name}: {entry!r} is not allowed; {self.allowed()} is required")
+                raise InputError(f"{name}: {_short(entry)} is not allowed; {self.allowed()} is required")
 
 
 def parameter(
@@ -201,23 +209,32 @@ def build_section(section: type[Section], values: Mapping[str, object]) -> Secti
 
 
 def _shown(value: object) -> str:
-    return f"[{', '.join(f'{v:g}' for v in value)}]" if isinstance(value, tuple) else f"{value}"
+    if not isinstance(value, tuple):
+        return f"{value}"
+    rest = f", ... ({len(value)} values)" if len(value) > _MOST_SHOWN else ""
+    return f"[{', '.join(f'{v:g}' for v in value[:_MOST_SHOWN])}{rest}]"
+
+
+def _short(value: object) -> str:
+    """Return a value for a message, of a length that is fit for one."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST else text[:_LONGEST] + "..."
 
 
 def _typed(name: str, value: object, hint: Any, spec: ParameterSpec) -> object:
     """Return `value` as the declared type, or raise one clear line."""
     if isinstance(hint, types.GenericAlias):  # tuple[float, ...] is the only array type of a parameter
         if not isinstance(value, (list, tuple)):
-            raise InputError(f"{name}: {value!r} is not a list; a list of numbers in {spec.unit} is required")
+            raise InputError(f"{name}: {_short(value)} is not a list; a list of numbers in {spec.unit} is required")
         return tuple(_number(f"{name}[{i}]", entry, spec) for i, entry in enumerate(value))
     if hint is float:
         return _number(name, value, spec)
     if hint is int and (isinstance(value, bool) or not isinstance(value, int)):
-        raise InputError(f"{name}: {value!r} is not a whole number; {spec.allowed()} is required")
+        raise InputError(f"{name}: {_short(value)} is not a whole number; {spec.allowed()} is required")
     if hint is bool and not isinstance(value, bool):
-        raise InputError(f"{name}: {value!r} is neither true nor false")
+        raise InputError(f"{name}: {_short(value)} is neither true nor false")
     if hint is str and not isinstance(value, str):
-        raise InputError(f"{name}: {value!r} is not text; {spec.allowed()} is required")
+        raise InputError(f"{name}: {_short(value)} is not text; {spec.allowed()} is required")
     return value
 
 
@@ -226,8 +243,11 @@ def _number(name: str, value: object, spec: ParameterSpec) -> float:
         hint = ""
         if isinstance(value, str) and _is_number(value):
             hint = f" (YAML reads {value} as text: write it as {float(value):.6e})"
-        raise InputError(f"{name}: {value!r} is not a number{hint}; {spec.allowed()} is required")
-    return float(value)
+        raise InputError(f"{name}: {_short(value)} is not a number{hint}; {spec.allowed()} is required")
+    try:
+        return float(value)
+    except OverflowError:  # of a whole number with hundreds of digits
+        raise InputError(f"{name}: a whole number of {len(str(value))} digits; {spec.allowed()} is required") from None
 
 
 def _is_number(text: str) -> bool:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from io import BytesIO
 from itertools import chain
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import yaml
-from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from bmd_rths_core.config import RunConfig
 from bmd_rths_core.errors import InputError
@@ -20,6 +20,14 @@ from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import OUTCOMES, FloatArray, RunRecord
 from bmd_rths_core.renamed_parameters import convert_renamed
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_msgs_py.bag_completeness import (
+    MAX_METADATA,
+    SIGNAL_TOPICS,
+    namespace_of,
+    promised_counts,
+    promised_files,
+    shortfall,
+)
 from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, read_object, read_timing
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
 from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, Topic
@@ -27,8 +35,22 @@ from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, Topic
 #: Stamps beyond this step (seven hours at 200 Hz) are those of another clock, not of a test.
 MAX_STEPS = 5_000_000
 
+#: Largest record of an MCAP file, and largest chunk behind its compression [bytes].
+MAX_RECORD = 256_000_000
+
+#: Most bytes of messages of signals that are read; a test of seven hours at 200 Hz has fewer.
+MAX_CONTENT = 6_000_000_000
+
 #: What the writer of an MCAP file puts at its very end.
 _MAGIC = b"\x89MCAP0\r\n"
+
+#: What a record tells of its ground motion.
+_OF_MOTION = ("name", "sha256", "source")
+
+_SIGNAL_NAMES = tuple(f"/{topic.name}" for topic in SIGNAL_TOPICS)
+
+#: End of encapsulation and stamp of a message.
+_STAMP_END = 12
 
 
 def read_bag(path: Path | str) -> RunRecord:
@@ -55,12 +77,16 @@ def read_bag(path: Path | str) -> RunRecord:
         It cannot be read or is not a bag of this project.
     """
     path = Path(path)
+    files = bag_files(path)
     try:
-        contents = _Contents(bag_files(path))
+        contents = _Contents(files)
         if START_RECORD not in contents.metadata:
             contents.take_custom_data(path / "metadata.yaml")
+        contents.take_promises(path / "metadata.yaml")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     try:
         return contents.record(str(path))
     except InputError as error:
@@ -117,29 +143,75 @@ class _Contents:
         self.malformed: list[str] = []
         self.converted: list[str] = []
         self.whole = True
+        self.promised: dict[str, int] = {}
+        self.missing_files: list[str] = []
+        self._topics: set[str] = set()
+        self._bytes = 0
+        self._firsts: list[tuple[Path, dict[str, bytes]]] = []
         for file in files:
-            self.whole &= self._read(file.read_bytes())
+            self._firsts.append((file, {}))
+            with open_regular(file) as stream:
+                self.whole &= self._read(file, stream)
+        self.namespace = namespace_of(self._topics)
 
-    def _read(self, data: bytes) -> bool:
+    def _read(self, file: Path, stream: IO[bytes]) -> bool:
         """Take one file; tell whether it is whole."""
         topics: dict[int, str] = {}
-        for record in records_until_damage(data):
+        for record in records_until_damage(stream):
             if isinstance(record, Message):
-                if record.channel_id in topics:
-                    self.messages[topics[record.channel_id]].append(record.data)
+                self._take(topics.get(record.channel_id, ""), record.data)
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Metadata):
-                self.metadata[record.name] = record.metadata
+                self._take_metadata(file, record)
             elif isinstance(record, DataEnd):
                 return True  # behind it is an index, which is not needed
         return False
 
+    def _take(self, topic: str, data: bytes) -> None:
+        if not topic:
+            return
+        self._topics.add(topic)
+        if not topic.endswith(_SIGNAL_NAMES):
+            return  # of cameras and the like: nobody asks for them here
+        self._bytes += len(data)
+        if self._bytes > MAX_CONTENT:
+            raise InputError(f"more than {MAX_CONTENT // 10**9} GB of messages; no test is")
+        # Of two runs in one folder the first step of a topic is there in two files.
+        firsts = self._firsts[-1][1]
+        if topic not in firsts:
+            firsts[topic] = data[:_STAMP_END]
+            for other, seen in self._firsts[:-1]:
+                if seen.get(topic) == firsts[topic]:
+                    name = self._firsts[-1][0].name
+                    raise InputError(
+                        f"two runs in one folder: {other.name!r} and {name!r} both begin at one step of {topic}"
+                    )
+        self.messages[topic].append(data)
+
+    def _take_metadata(self, file: Path, record: Metadata) -> None:
+        known = self.metadata.get(record.name)
+        if record.name == START_RECORD and known not in (None, record.metadata):
+            raise InputError(f"two runs in one folder: {file.name!r} is of another one than the files before it")
+        self.metadata[record.name] = record.metadata
+        if record.name == "rosbag2":
+            self._promise(record.metadata.get("serialized_metadata", ""))
+
+    def _promise(self, text: str) -> None:
+        for topic, count in promised_counts(text).items():
+            self.promised[topic] = max(count, self.promised.get(topic, 0))
+
+    def take_promises(self, file: Path) -> None:
+        """Take what ``metadata.yaml`` says is in the bag."""
+        text = _read_metadata(file)
+        self._promise(text)
+        self.missing_files = [name for name in promised_files(text) if not (file.parent / Path(name).name).exists()]
+
     def take_custom_data(self, file: Path) -> None:
         """Take the story of the run from ``metadata.yaml``: tools that rewrite a bag drop the records of the MCAP."""
         try:
-            story = yaml.safe_load(file.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]["custom_data"]
-        except (FileNotFoundError, NotADirectoryError, yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError):
+            story = yaml.safe_load(_read_metadata(file))["rosbag2_bagfile_information"]["custom_data"]
+        except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
             return
         if isinstance(story, dict) and "configuration" in story:
             self.metadata[START_RECORD] = story
@@ -165,6 +237,9 @@ class _Contents:
         floor_accelerations = np.full((steps, floors), np.nan)
         for step, found in measurements.items():
             floor_accelerations[step] = found.floor_accelerations
+        heard = sum(len(self.messages[self._name(topic)]) for topic in SIGNAL_TOPICS)
+        if heard and len(self.malformed) == heard:
+            raise InputError(f"none of its {heard} messages can be read, the first of {self.malformed[0]}")
         end = self.metadata.get(END_RECORD, {})
         outcome, reason = self._ending(end, f"{steps} steps ({steps * time_step_ns * 1e-9:.3f} s)")
         return RunRecord(
@@ -172,7 +247,7 @@ class _Contents:
             **signals,
             floor_accelerations=floor_accelerations,
             configuration=configuration,
-            motion=read_object(story, "motion"),
+            motion=_motion(story),
             versions=read_object(story, "versions"),
             outcome=outcome,
             reason=reason,
@@ -180,10 +255,14 @@ class _Contents:
             source=source,
         )
 
+    def _name(self, topic: Topic) -> str:
+        """Return the name a topic was recorded under."""
+        return f"{self.namespace}/{topic.name}"
+
     def _scalars(self, topic: Topic, time_step_ns: int) -> dict[int, float]:
         unpack = ScalarCodec().unpack
         found = {}
-        for data in self.messages[topic.full_name]:
+        for data in self.messages[self._name(topic)]:
             try:
                 stamp_ns, value = unpack(data)
                 found[_step(stamp_ns, time_step_ns)] = value
@@ -195,7 +274,7 @@ class _Contents:
         """Return the measurements by step and the number of floors, which the first well-formed one decides."""
         found: dict[int, TableMeasurement] = {}
         floors = 0
-        for data in self.messages[MEASUREMENT.full_name]:
+        for data in self.messages[self._name(MEASUREMENT)]:
             try:
                 if not found:
                     floors = count_floors(data)
@@ -212,6 +291,12 @@ class _Contents:
         outcome = end.get("outcome", "cut")
         if outcome not in OUTCOMES:
             raise InputError(f"outcome {outcome!r} is unknown; one of {', '.join(OUTCOMES)} is required")
+        missing = shortfall(self.promised, {name: len(found) for name, found in self.messages.items()})
+        if missing and self.missing_files:
+            missing += f", and so is the file {self.missing_files[0]!r}"
+        if missing:
+            outcome = "cut"
+            reasons.append(f"the recording is incomplete: {missing}; it holds {extent}")
         if not self.whole:
             outcome = "cut"
             reasons.append(f"the recording is cut or damaged after {extent}")
@@ -224,21 +309,68 @@ class _Contents:
         return outcome, "; ".join(reasons)
 
 
-def records_until_damage(data: bytes) -> Iterator[McapRecord]:
-    """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum.
+def open_regular(path: Path) -> IO[bytes]:
+    """Open a file to be read; what is no regular file may never end.
 
     Parameters
     ----------
-    data : bytes
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        It is a device, a pipe or a folder.
+    """
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path.name!r} is no regular file; an MCAP file is required")
+    return path.open("rb")
+
+
+def records_until_damage(stream: IO[bytes]) -> Iterator[McapRecord]:
+    """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum.
+
+    Only one chunk is in memory at a time.
+
+    Parameters
+    ----------
+    stream : IO of bytes
         The file.
     """
-    records = StreamReader(BytesIO(data), validate_crcs=True, record_size_limit=len(data)).records
+    records = StreamReader(stream, validate_crcs=True, emit_chunks=True, record_size_limit=MAX_RECORD).records
     while True:
         try:
             record = next(records)
+            inner = _inner(record) if isinstance(record, Chunk) else [record]
         except Exception:  # whatever mcap, struct, the text codec or a decompressor make of damaged bytes
             return
-        yield record
+        yield from inner
+
+
+def _inner(chunk: Chunk) -> list[McapRecord]:
+    if chunk.uncompressed_size > MAX_RECORD:
+        raise ValueError("a chunk larger than any that is written")
+    return list(breakup_chunk(chunk, validate_crc=True))
+
+
+def _read_metadata(file: Path) -> str:
+    """Return the text of ``metadata.yaml``, "" without a readable one."""
+    try:
+        with open_regular(file) as stream:
+            return stream.read(MAX_METADATA).decode("utf-8")
+    except (OSError, UnicodeDecodeError, InputError):
+        return ""
+
+
+def _motion(story: Mapping[str, str]) -> dict[str, object]:
+    """Return what a bag tells of its ground motion, with what it does not tell as unknown."""
+    if "motion" not in story:
+        raise InputError(f"its record {START_RECORD!r} has no entry 'motion'; the ground motion of the run is unknown")
+    told = read_object(story, "motion")
+    for key, value in told.items():
+        if key in _OF_MOTION and not isinstance(value, str):
+            raise InputError(f"motion: {key} is {str(value)[:60]!r}; text is required")
+    return {**dict.fromkeys(_OF_MOTION, "unknown"), **told}
 
 
 def _step(stamp_ns: int, time_step_ns: int) -> int:

@@ -9,7 +9,7 @@ from mcap.records import Channel, Message
 
 from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.record import RunRecord
-from bmd_rths_msgs_py.bag_reader import bag_files, records_until_damage
+from bmd_rths_msgs_py.bag_reader import bag_files, open_regular, records_until_damage
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DESIRED_ACCELERATION
 
@@ -47,16 +47,17 @@ def read_timing_of_steps(record: RunRecord) -> StepTiming | str:
 
 def _log_times(path: Path, time_step: float) -> tuple[dict[int, int], dict[int, int]]:
     """Return when the desired acceleration and the corrected shear of each step were heard first [ns]."""
-    heard: dict[str, dict[int, int]] = {DESIRED_ACCELERATION.full_name: {}, CORRECTED_FORCE.full_name: {}}
+    heard: dict[str, dict[int, int]] = {DESIRED_ACCELERATION.name: {}, CORRECTED_FORCE.name: {}}
     time_step_ns = round(1e9 * time_step)
     for file in bag_files(path):
         topics: dict[int, str] = {}
-        for entry in records_until_damage(file.read_bytes()):
-            if isinstance(entry, Channel):
-                topics[entry.id] = entry.topic
-            elif isinstance(entry, Message) and (times := heard.get(topics.get(entry.channel_id, ""))) is not None:
-                try:
-                    times.setdefault(read_stamp(entry.data) // time_step_ns, entry.log_time)
-                except MalformedMessage:
-                    continue  # `read_bag` counts it
-    return heard[DESIRED_ACCELERATION.full_name], heard[CORRECTED_FORCE.full_name]
+        with open_regular(file) as stream:
+            for entry in records_until_damage(stream):
+                if isinstance(entry, Channel):
+                    topics[entry.id] = entry.topic.rpartition("/")[2]
+                elif isinstance(entry, Message) and (times := heard.get(topics.get(entry.channel_id, ""))) is not None:
+                    try:
+                        times.setdefault(read_stamp(entry.data) // time_step_ns, entry.log_time)
+                    except MalformedMessage:
+                        continue  # `read_bag` counts it
+    return heard[DESIRED_ACCELERATION.name], heard[CORRECTED_FORCE.name]

@@ -30,7 +30,12 @@ def test_paper_weights_give_the_stated_gain_and_phase():
     assert abs(response_at(PAPER, 100.0)) == pytest.approx(51.0, rel=1e-12)
 
 
-@given(st.floats(0.0, 10.0))
+def rounded(value: float) -> float:
+    """Return a number that is 0 or none of the smallest, which are refused."""
+    return round(value, 10)
+
+
+@given(st.floats(0.0, 10.0).map(rounded))
 def test_lead_at_low_frequency_is_alpha_steps(alpha):
     config = CommandShaperConfig(2.0, 2.0, alpha * DT)
     frequency = 1e-3
@@ -60,7 +65,7 @@ def test_reset_forgets_the_past():
     assert [shaper.step(a) for a in (1.0, 2.0, 3.0)] == first
 
 
-@given(st.floats(-6.0, 6.0), st.floats(-8.0, 8.0))
+@given(st.floats(-6.0, 6.0).map(rounded), st.floats(-8.0, 8.0).map(rounded))
 def test_stable_region_is_where_the_poles_are_inside_the_unit_circle(w1, w2):
     if abs(w1) < 1e-3:
         return

@@ -113,10 +113,11 @@ def test_unit_is_never_guessed(record, name: str) -> None:
     if sample.unit == "from_file":
         assert refusal(path, component, "g") == "the file states its unit; ground_motion.unit is 'g', not 'from_file'"
     else:
-        message = "the file states no unit; ground_motion.unit must give it: g, m/s2, cm/s2 or gal"
+        message = "the file states no unit; ground_motion.unit must give it: g, m/s2, cm/s2 or gal (--unit)"
         assert refusal(path, component) == message
-        in_g = read_ground_motion(path, component, "g").acceleration
-        np.testing.assert_allclose(in_g, COMPONENTS[0] * 9.80665, rtol=1e-12, atol=1e-12)
+        in_gal = read_ground_motion(path, component, "gal").acceleration
+        np.testing.assert_allclose(in_gal, COMPONENTS[0] / 100.0, rtol=1e-12, atol=1e-12)
+        assert "is no ground acceleration; at most 100 m/s² is read" in refusal(path, component, "g")
 
 
 def test_component_of_a_file_that_names_none_is_refused(record) -> None:
@@ -155,9 +156,9 @@ def test_later_spelling_of_csmip_is_read(record) -> None:
 
 
 def test_full_columns_need_no_blank_between_them(record) -> None:
-    # 123456.789 and -12345.678 fill the ten characters of F10.3
-    content = csmip().replace(b"     0.000    25.900", b"123456.789-12345.678")
-    np.testing.assert_allclose(read_ground_motion(record(content), "90 DEG").acceleration[:2], [1234.56789, -123.45678])
+    # 000123.456 and -00012.345 fill the ten characters of F10.3
+    content = csmip().replace(b"     0.000    25.900", b"000123.456-00012.345")
+    np.testing.assert_allclose(read_ground_motion(record(content), "90 DEG").acceleration[:2], [1.23456, -0.12345])
 
 
 # ----------------------------------------------------------------------------------------------------------- problems
@@ -170,8 +171,8 @@ WRONG = {
     "K-NET scale of zero": ("K-NET", b"/20000", b"/0", "line 6: scale factor '2000(gal)/0'; two numbers > 0"),
     "K-NET length": ("K-NET", b"0.48", b"0.5", "24 values up to line 11, but duration times sampling frequency is 25"),
     "K-NET header": ("K-NET", b"Duration", b"Dvration", "no header line 'Duration Time(s)' before line 9"),
-    "ESM velocity": ("ESM", b"ACCELERATION", b"VELOCITY", "line 11: DATA_TYPE 'VELOCITY'; ACCELERATION is required"),
-    "ESM unit": ("ESM", b": cm/s^2", b": cm/s", "line 7: unit 'cm/s'; an acceleration in g, m/s², cm/s² or gal is"),
+    "ESM velocity": ("ESM", b"ACCELERATION", b"VELOCITY", "line 11: a velocity, by DATA_TYPE 'VELOCITY'; ACCELERATION"),
+    "ESM unit": ("ESM", b": cm/s^2", b": cm/s", "line 7: a velocity, in 'cm/s'; an acceleration in g, m/s², cm/s²"),
     "ESM count": ("ESM", b"NDATA: 24", b"NDATA: 25", "24 values up to line 35, but NDATA is 25"),
     "CWA sense": ("CWA", b"N(+)", b"N(-)", "line 8: columns 'Time U(+); N(-); E(+)'; 'Time U(+); N(+); E(+)' is"),
     "CWA time": ("CWA", b"     0.040", b"     0.050", "line 12: time 0.05 s; 0.04 s is required by the sample rate"),
@@ -188,7 +189,7 @@ WRONG = {
     "CSMIP count": ("CSMIP V2", b"  24 POINTS OF ACCEL", b"  20 POINTS OF ACCEL", "line 14: '-86.600 "),
     "CSMIP end": ("CSMIP V2", b"CHANNEL  2", b"", "line 34: the channel is cut off: 'END OF DATA FOR CHANNEL' is"),
     "CSMIP name": ("CSMIP V2", b"CHAN ", b"", "line 11: no line 'CHAN  1:  90 DEG' above the values"),
-    "COSMOS raw": ("COSMOS V2", b"Corrected", b"Raw", "line 1: 'Raw acceleration    (Format v01.20 with 13 text"),
+    "COSMOS raw": ("COSMOS V2", b"Corrected", b"Raw", "line 1: an uncorrected record, 'Raw acceleration"),
     "COSMOS unit": ("COSMOS V2", b"cm/sec2(04)", b"counts(50)", "line 48: unit 'counts(50)'; an acceleration in"),
     "COSMOS time step": ("COSMOS V2", b"20.000000", b" 0.000000", "line 48: time step 0 s in the header above; a"),
     "COSMOS count": ("COSMOS V2", b"  24 acc", b"  25 acc", "line 52: 'End-of-data for ChanHNN acceleration'; 1"),
@@ -251,13 +252,13 @@ def test_end_of_a_dos_file_is_passed_over(record) -> None:
 
 def test_text_without_a_header_is_refused(record) -> None:
     message = refusal(record(b"-.6403182E-02\n-.6028715E-02\n.5304162E-03\n"))
-    assert message == "numbers only; a header with time step and unit is required, as AT2 and CSV have"
+    assert message.startswith("the file states no unit and no time step; ground_motion.unit must give it")
 
 
 @pytest.mark.parametrize(
     ("variables", "problem"),
     [
-        ({"a": np.ones(9)}, "no array of time and acceleration (2 × N or N × 2); variables: 'a 1×9'"),
+        ({"a": np.eye(3)}, "no array of time and acceleration (2 × N or N × 2) and no vector; variables: 'a 3×3'"),
         ({"a": np.vstack([TIME, TIME * 1j])}, "variable 'a' is complex or cannot be read; a real array is required"),
         ({"a": np.full((2, 24), math.nan)}, "variable 'a': point 1 is nan, nan; finite numbers are required"),
         ({"a": np.vstack([TIME + 1.0, TIME])}, "variable 'a': time of point 1 is 1 s; equal steps from 0 are required"),
@@ -281,7 +282,15 @@ def test_file_larger_than_any_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_format_has_a_sample() -> None:
-    assert {known.name for known in FORMATS} == {*SAMPLES, "PEER AT2", "CSV"}
+    assert {known.name for known in FORMATS} == {
+        *SAMPLES,
+        "PEER AT2",
+        "CSV",
+        "columns of numbers",
+        "USGS SMC",
+        "SAC",
+        "miniSEED",
+    }
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -378,7 +387,7 @@ def test_peak_velocity_is_near_that_of_the_agency(file: str, component: str, vel
 
 @needs_records
 def test_column_of_numbers_is_refused() -> None:
-    assert refusal(FOLDER / "IELC180.acc").startswith("numbers only; a header with time step and unit is required")
+    assert refusal(FOLDER / "IELC180.acc").startswith("the file states no unit and no time step")
 
 
 @needs_records

@@ -128,7 +128,7 @@ def test_coarser_has_one_point_for_every_begun_step(record: FloatArray, ratio: i
     expected = -(-record.size // ratio)
     motion = motion_of(record, 0.005)
     if expected < 2:
-        with pytest.raises(InputError, match=r"shape \(1,\); \(N,\) with N >= 2 is required"):
+        with pytest.raises(InputError, match=r"one point of acceleration; two or more are required"):
             resample(motion, 0.005 * ratio)
     else:
         coarser = resample(motion, 0.005 * ratio)
@@ -282,7 +282,7 @@ def test_time_steps_that_do_not_divide_each_other_are_refused(time_step: float) 
         resample(motion_of(np.ones(5)), time_step)
     assert str(caught.value) == (
         f"time step {time_step:.9g} s; ground motion 'test' has 0.02 s, and a whole multiple or a whole fraction of "
-        "that is required, by a factor of at most 500"
+        "that is required, by a factor of at most 500, or ground_motion.resample=true for band-limited interpolation"
     )
 
 
@@ -295,7 +295,7 @@ def test_bad_time_step_is_refused(time_step: float) -> None:
 # ------------------------------------------------------------------------------------------- strength and length
 
 
-@given(record=RECORDS.filter(lambda record: np.any(record)), peak=st.floats(1e-3, 50.0))
+@given(record=RECORDS.filter(lambda record: np.max(np.abs(record)) > 1e-6), peak=st.floats(1e-3, 50.0))
 def test_scaled_record_has_the_peak_and_the_shape(record: FloatArray, peak: float) -> None:
     motion = motion_of(record)
     scaled = scale_to_peak(motion, peak)

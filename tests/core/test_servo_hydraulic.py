@@ -231,5 +231,5 @@ def test_skipped_steps_hold_the_last_command_and_old_ones_are_refused():
 
 
 def test_impossible_hydraulics_are_refused():
-    with pytest.raises(InputError, match=r"servo_hydraulic\.bulk_modulus: 0\.0 is not allowed; > 0 Pa is required"):
+    with pytest.raises(InputError, match=r"servo_hydraulic\.bulk_modulus: 0\.0 is not allowed; >= 10000000 Pa and"):
         ServoHydraulicConfig(bulk_modulus=0.0)

@@ -137,7 +137,7 @@ def test_loop_of_a_configuration(scheme):
 
 def test_loop_without_delay_is_stable_at_every_mass_ratio():
     margin = LoopTransferFunction(numerical_oscillator(35.43, 0.02), ONE_MODE).margin()
-    assert margin.allowable_mass_ratio == LARGEST_MASS_RATIO
+    assert margin.allowable_mass_ratio == 1.0
     assert np.isnan(margin.critical_frequency)
 
 
@@ -179,7 +179,7 @@ def test_conditionally_stable_loop_has_all_its_intervals():
     frequencies,
     damping_ratios,
     st.lists(st.tuples(frequencies, damping_ratios, st.floats(0.05, 2.0)), min_size=1, max_size=3),
-    st.floats(0.0, 9.0),
+    st.floats(0.0, 9.0).map(lambda alpha: round(alpha, 9)),
     st.floats(0.0, 0.04),
     st.floats(20.0, 400.0),
 )

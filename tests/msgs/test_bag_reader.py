@@ -19,6 +19,7 @@ import yaml
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
@@ -183,17 +184,111 @@ def test_a_copy_of_rosbags_reads_equal(bag: Path, tmp_path: Path, same: Same, ty
     assert same(read_bag(tmp_path / "copy"), read_bag(bag))
 
 
-def test_a_split_bag_is_read_whole(make_record: Make, tmp_path: Path) -> None:
-    record = make_record(30)
-    bag = write_record(record, tmp_path / "run")
-    for k in (10, 2):  # run_10 comes after run_2
-        bag_of(tmp_path / f"part_{k}", [command(5, float(k)), command(29 + k, float(k))])
-        shutil.copy(tmp_path / f"part_{k}" / f"part_{k}_0.mcap", bag / f"run_{k}.mcap")
-    found = read_bag(bag)
-    assert found.steps == 40
-    assert found.command[5] == 10.0
-    assert found.command[31] == 2.0
-    assert found.command[6] == record.command[6]
+def split(bag: Path, folder: Path, files: int, **options: Any) -> Path:
+    """Write the messages of a bag into several files of another, as a recorder that splits does."""
+    reader = make_reader((bag / "run_0.mcap").open("rb"))
+    messages = list(reader.iter_messages(log_time_order=False))
+    stories = list(reader.iter_metadata())
+    rename = options.get("rename", lambda topic: topic)
+    folder.mkdir()
+    for number in range(files):
+        with (folder / f"run_{number}.mcap").open("wb") as stream:
+            writer = Writer(stream)
+            writer.start(profile="ros2")
+            for story in stories if number == 0 else ():
+                writer.add_metadata(story.name, options.get("change", dict)(story.metadata))
+            ids: dict[str, int] = {}
+            for schema, channel, message in messages[
+                len(messages) * number // files : len(messages) * (number + 1) // files
+            ]:
+                if channel.topic not in ids:
+                    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    ids[channel.topic] = writer.register_channel(rename(channel.topic), "cdr", schema_id)
+                writer.add_message(ids[channel.topic], message.log_time, message.data, message.publish_time)
+            writer.finish()
+    shutil.copy(bag / "metadata.yaml", folder)
+    return folder
+
+
+def test_a_split_bag_is_read_whole(make_record: Make, same: Same, tmp_path: Path) -> None:
+    bag = write_record(make_record(30), tmp_path / "run")
+    assert same(read_bag(split(bag, tmp_path / "split", 12)), read_bag(bag))  # run_10 comes after run_2
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_a_split_bag_without_one_of_its_files_is_told_as_incomplete(bag: Path, tmp_path: Path, lost: int) -> None:
+    folder = split(bag, tmp_path / "split", 3)
+    (folder / f"run_{lost}.mcap").unlink()
+    found = read_bag(folder)
+    assert found.outcome == "cut"
+    missing = 1400 * (lost + 1) // 3 - 1400 * lost // 3
+    assert f"the recording is incomplete: {missing} of 1400 messages of signals" in found.reason
+    assert ("and so is the file 'run_0.mcap'" in found.reason) == (lost == 0)
+
+
+def test_an_excerpt_with_all_its_metadata_is_told_as_incomplete(bag: Path, tmp_path: Path) -> None:
+    folder = split(bag, tmp_path / "split", 2)
+    (folder / "run_1.mcap").unlink()
+    (folder / "metadata.yaml").unlink()
+    found = read_bag(folder)
+    assert found.outcome == "cut"
+    assert "700 of 1400 messages of signals, as its metadata count them, are missing" in found.reason
+
+
+def test_two_runs_in_one_folder_are_refused(bag: Path, make_record: Make, tmp_path: Path) -> None:
+    for name, record in (("other", replace(make_record(50), motion={"name": "b"})), ("same", make_record(200, seed=1))):
+        folder = write_record(record, tmp_path / name)
+        shutil.copy(bag / "run_0.mcap", folder / "zz_1.mcap")
+        with pytest.raises(InputError, match="two runs in one folder"):
+            read_bag(folder)
+
+
+def test_a_bag_without_its_motion_is_refused(bag: Path, tmp_path: Path) -> None:
+    def without(story: dict[str, str]) -> dict[str, str]:
+        return {key: value for key, value in story.items() if key != "motion"}
+
+    with pytest.raises(InputError, match="has no entry 'motion'"):
+        read_bag(split(bag, tmp_path / "split", 1, change=without))
+
+
+@pytest.mark.parametrize("namespace", ["/lab/rths", "/lab", "/a/b/c"])
+def test_signals_under_another_namespace_are_read(bag: Path, same: Same, tmp_path: Path, namespace: str) -> None:
+    folder = split(bag, tmp_path / "split", 1, rename=lambda topic: topic.replace("/rths", namespace))
+    assert read_bag(folder).same_signals(read_bag(bag))
+    assert read_bag(folder).outcome == "finished"
+
+
+def test_topics_without_a_signal_are_listed(bag: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no signal of a test in it; topics found: '/rths/command_x'"):
+        read_bag(split(bag, tmp_path / "split", 1, rename=lambda topic: topic + "_x"))
+
+
+def test_signals_in_two_namespaces_are_refused(bag: Path, tmp_path: Path) -> None:
+    def rename(topic: str) -> str:
+        return topic.replace("/rths", "/one" if topic.endswith("command") else "/two")
+
+    with pytest.raises(InputError, match="signals in 2 namespaces, '/one', '/two'"):
+        read_bag(split(bag, tmp_path / "split", 1, rename=rename))
+
+
+def test_a_bag_of_which_nothing_can_be_read_is_refused(tmp_path: Path) -> None:
+    messages = [(COMMAND, b"\x28\xb5\x2f\xfd compressed one by one")] * 40
+    with pytest.raises(InputError, match="none of its 40 messages can be read, the first of /rths/command"):
+        read_bag(bag_of(tmp_path / "run", messages))
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "/dev/urandom"])
+def test_a_file_without_an_end_is_refused(path: str) -> None:
+    with pytest.raises(InputError, match="is no regular file"):
+        read_bag(path)
+
+
+def test_a_huge_file_is_not_read_into_memory(tmp_path: Path) -> None:
+    path = tmp_path / "huge.mcap"
+    with path.open("wb") as stream:
+        stream.truncate(10**13)  # sparse: more than any memory
+    with pytest.raises(InputError, match="not a bag of bmd_rths"):
+        read_bag(path)
 
 
 def test_truncated_anywhere_a_bag_gives_its_beginning(bag: Path, record: RunRecord, tmp_path: Path) -> None:

@@ -173,7 +173,7 @@ def test_ordinary_ros_node_can_take_part(client, start):
         ),
         ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter; allowed here: w1"),
         ("command_shaper", ["command_shaper.w1:=0.5"], "W1 = 0.5"),
-        ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; > 0 kg is required"),
+        ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; >= 0.1 kg and"),
         ("table_driver", ["nonsense:=1"], "nonsense: unknown section"),
         ("numerical_substructure", ["ground_motion.record:=no.at2"], "no.at2: cannot be read: No such file"),
         ("recorder", ["recorder.directory:=/proc/no"], "/proc/no"),

@@ -11,7 +11,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.catalogue import record_files
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, ONLY
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY
 from bmd_rths_core.ground_motion.library import FORMATS, read_ground_motion, shipped_records
 from bmd_rths_core.ground_motion.motion import GroundMotion
 

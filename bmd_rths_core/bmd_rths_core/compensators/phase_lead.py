@@ -10,6 +10,7 @@ import numpy as np
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import FACTOR
 from bmd_rths_core.time_steps import exact_steps
 
 
@@ -19,14 +20,15 @@ class CommandShaperConfig:
 
     SECTION: ClassVar[str] = "command_shaper"
 
-    w1: float = parameter(2.0, description="Weight W1 of Eq. 10", unit="1", source="Chen et al. 2020, W1 = 2")
-    w2: float = parameter(2.0, description="Weight W2 of Eq. 10", unit="1", source="Chen et al. 2020, W2 = 2")
+    w1: float = parameter(2.0, description="Weight W1 of Eq. 10", unit="1", source="Chen et al. 2020, W1 = 2", **FACTOR)
+    w2: float = parameter(2.0, description="Weight W2 of Eq. 10", unit="1", source="Chen et al. 2020, W2 = 2", **FACTOR)
     lead_time: float = parameter(
         0.025,
         description="Delay of the table that is made up for; in time steps it is the delay constant alpha of Eq. 10",
         unit="s",
         source="Chen et al. 2020: 25 ms, alpha = 5 at 200 Hz",
         lower=0.0,
+        upper=10.0,
     )
 
     def __post_init__(self) -> None:

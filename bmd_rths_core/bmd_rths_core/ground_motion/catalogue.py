@@ -8,7 +8,8 @@ from pathlib import Path
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
-from bmd_rths_core.ground_motion.formats.record_format import Channel, to_motion
+from bmd_rths_core.ground_motion.formats.record_format import Channel, check_corrected, stated_channel, to_motion
+from bmd_rths_core.ground_motion.formats.stated import Stated
 from bmd_rths_core.ground_motion.intensity import Intensity, intensity
 from bmd_rths_core.ground_motion.library import format_of
 from bmd_rths_core.ground_motion.motion import GroundMotion
@@ -31,6 +32,8 @@ class CatalogueEntry:
     states_unit : bool
         The file states its unit. Where it does not, accelerations are in that unknown unit instead of m/s², and only
         durations and the frequency mean something.
+    note : str
+        What a person should know of the file, "" when there is nothing.
     """
 
     format: str
@@ -38,6 +41,7 @@ class CatalogueEntry:
     motion: GroundMotion
     intensity: Intensity
     states_unit: bool
+    note: str = ""
 
 
 def record_files(folder: str | Path) -> list[Path]:
@@ -67,13 +71,15 @@ def record_files(folder: str | Path) -> list[Path]:
     return [path for path in found if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
 
 
-def catalogue(path: str | Path) -> list[CatalogueEntry]:
+def catalogue(path: str | Path, stated: Stated = Stated()) -> list[CatalogueEntry]:  # noqa: B008  (it is frozen)
     """Read a file and measure every component in it.
 
     Parameters
     ----------
     path : str or Path
         The file.
+    stated : Stated
+        What a person says of files that do not say it themselves.
 
     Returns
     -------
@@ -85,7 +91,7 @@ def catalogue(path: str | Path) -> list[CatalogueEntry]:
     InputError
         The file cannot be read, is no record, or anything is wrong with it.
     """
-    file = read_file(path)
+    file = read_file(path, stated)
     known = format_of(file)
     try:
         channels = known.channels(file)
@@ -97,5 +103,8 @@ def catalogue(path: str | Path) -> list[CatalogueEntry]:
 
 
 def _entry(file: RecordFile, format_name: str, channel: Channel, several: bool) -> CatalogueEntry:
+    check_corrected(file, channel)
+    channel = stated_channel(file, channel)
     motion = to_motion(file, channel, 1.0 if channel.unit is None else channel.unit, several)
-    return CatalogueEntry(format_name, channel.component, motion, intensity(motion), channel.unit is not None)
+    known = channel.unit is not None
+    return CatalogueEntry(format_name, channel.component, motion, intensity(motion), known, channel.note)

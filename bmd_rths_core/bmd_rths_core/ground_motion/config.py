@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, ONLY, UNIT_CHOICES
+from bmd_rths_core.ground_motion.formats.record_format import UNIT_CHOICES
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY
 from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.ground_motion.processing import (
@@ -38,6 +39,24 @@ class GroundMotionConfig:
     )
     unit: str = parameter(
         FROM_FILE, description="Unit of the accelerations in a file that does not state it", choices=UNIT_CHOICES
+    )
+    record_time_step: float = parameter(
+        0.0,
+        description="Time step of a record whose file does not state it, 0 for all others",
+        unit="s",
+        lower=0.0,
+        upper=1.0,
+    )
+    columns: str = parameter(
+        FROM_FILE,
+        description="What the columns of a file of numbers are, with commas between: time, the name of a component, or "
+        "- for one that is passed over; series for one series over all lines; from_file for all other files",
+    )
+    resample: bool = parameter(
+        False,
+        description="Bring a record to the time step of the loop by band-limited interpolation, also where the two "
+        "time steps do not divide each other",
+        source="docs/ground_motions.md",
     )
     peak_acceleration: float = parameter(
         1.0,
@@ -89,6 +108,10 @@ class GroundMotionConfig:
         check_parameters(self)
         if not self.record:
             raise InputError("ground_motion.record: empty; a path or the name of a shipped record is required")
+        if not self.columns:
+            raise InputError(
+                f"ground_motion.columns: empty; names are required, {FROM_FILE!r} for a file that has them"
+            )
         if not self.component:
             raise InputError(
                 f"ground_motion.component: empty; a name is required, {ONLY!r} for a file with one component"
@@ -120,7 +143,15 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
         The record cannot be read, its component or unit is missing, its time step and Δt do not divide each other
         (before or after the time scale), or it is shorter than its fade-in.
     """
-    return prepare_ground_motion(read_ground_motion(config.record, config.component, config.unit), config, time_step)
+    motion = read_ground_motion(
+        config.record,
+        config.component,
+        config.unit,
+        time_step=config.record_time_step,
+        columns=config.columns,
+        high_pass=config.high_pass_frequency > 0.0,
+    )
+    return prepare_ground_motion(motion, config, time_step)
 
 
 def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time_step: float) -> GroundMotion:
@@ -157,7 +188,8 @@ def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time
     if divide_each_other(motion.time_step, time_step):
         motion = resample(motion, time_step)
     else:  # a time scale has no reason to fit the time step of the loop, a record has
-        check_time_step(recorded, time_step)
+        if not config.resample:
+            check_time_step(recorded, time_step)
         motion = interpolate(motion, time_step)
     if config.fade_in > 0.0 and not filtered:
         motion = fade_in(motion, config.fade_in)

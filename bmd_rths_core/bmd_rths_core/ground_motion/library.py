@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats.archive import archive_format
 from bmd_rths_core.ground_motion.formats.at2 import AT2
 from bmd_rths_core.ground_motion.formats.cosmos import COSMOS
 from bmd_rths_core.ground_motion.formats.csmip import CSMIP
@@ -19,18 +20,28 @@ from bmd_rths_core.ground_motion.formats.geonet import GEONET
 from bmd_rths_core.ground_motion.formats.jma import JMA
 from bmd_rths_core.ground_motion.formats.knet import KNET
 from bmd_rths_core.ground_motion.formats.mat import MAT
+from bmd_rths_core.ground_motion.formats.miniseed import MINISEED
+from bmd_rths_core.ground_motion.formats.number_columns import NUMBERS
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, ONLY, RecordFormat, choose
+from bmd_rths_core.ground_motion.formats.record_format import RecordFormat, choose
+from bmd_rths_core.ground_motion.formats.sac import SAC
 from bmd_rths_core.ground_motion.formats.simcenter import SIMCENTER
+from bmd_rths_core.ground_motion.formats.smc import SMC
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY, Stated
+from bmd_rths_core.ground_motion.formats.units import named_quantity, quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 #: The formats that are read. A new one is a new module, and one entry here.
-FORMATS: tuple[RecordFormat, ...] = (AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT)
+FORMATS: tuple[RecordFormat, ...] = (
+    *(AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT, SMC, SAC, MINISEED),
+    NUMBERS,  # what no other one recognises
+)
 
 # Records in the public domain; each is data/<name>.csv in this package.
 _SHIPPED = ("el_centro_1940_ns",)
 
-_NUMBERS_ONLY = re.compile(rb"[\s0-9.,EeDd+-]+")
+# Lines in which a file that no format recognises may say what it is
+_LINES = 30
 
 
 def shipped_records() -> tuple[str, ...]:
@@ -38,7 +49,15 @@ def shipped_records() -> tuple[str, ...]:
     return _SHIPPED
 
 
-def read_ground_motion(reference: str | Path, component: str = ONLY, unit: str = FROM_FILE) -> GroundMotion:
+def read_ground_motion(
+    reference: str | Path,
+    component: str = ONLY,
+    unit: str = FROM_FILE,
+    *,
+    time_step: float = 0.0,
+    columns: str = FROM_FILE,
+    high_pass: bool = False,
+) -> GroundMotion:
     """Read a shipped record by its name, or a file by its path; the content of the file tells its format.
 
     Parameters
@@ -49,6 +68,13 @@ def read_ground_motion(reference: str | Path, component: str = ONLY, unit: str =
         Which component of a file with several, in either case of letters; ``"only"`` for a file with one.
     unit : str
         Unit of a file that states none: ``"g"``, ``"m/s2"``, ``"cm/s2"`` or ``"gal"``; ``"from_file"`` for all others.
+    time_step : float
+        Time step of a file that states none [s], 0 for all others.
+    columns : str
+        What the columns of a file of numbers are: ``"time"``, a component or ``"-"`` for each, with commas between, or
+        ``"series"`` for one series over all lines.
+    high_pass : bool
+        The baseline is corrected afterwards, so that a record whose baseline is not may be read.
 
     Returns
     -------
@@ -64,11 +90,12 @@ def read_ground_motion(reference: str | Path, component: str = ONLY, unit: str =
     if str(reference) in _SHIPPED:
         data = resources.files("bmd_rths_core") / "data" / f"{reference}.csv"
         with resources.as_file(data) as path:
-            return replace(CSV.read(path, component, unit), source="shipped")
+            file = read_file(path, Stated(component, unit, time_step, columns, high_pass))
+            return replace(choose(file, CSV.channels(file)), source="shipped")
     if not Path(reference).suffix and not os.path.exists(reference):
         raise InputError(f"{str(reference)!r} is neither a file nor a shipped record ({', '.join(_SHIPPED)})")
-    file = read_file(reference)
-    return choose(file, format_of(file).channels(file), component, unit)
+    file = read_file(reference, Stated(component, unit, time_step, columns, high_pass))
+    return choose(file, format_of(file).channels(file))
 
 
 def format_of(file: RecordFile) -> RecordFormat:
@@ -94,14 +121,29 @@ def format_of(file: RecordFile) -> RecordFormat:
     """
     suffix = file.path.suffix.lower()
     named = [known for known in FORMATS if suffix in known.suffixes]
-    found = next((known for known in (*named, *FORMATS) if known.recognises(file)), None)
+    found = next((known for known in (*named, *FORMATS, ARCHIVE) if known.recognises(file)), None)
+    if file.stated.columns != FROM_FILE:
+        if found not in (None, CSV, NUMBERS, ARCHIVE):
+            problem = f"ground_motion.columns (--columns) is {quoted(file.stated.columns)}, not {FROM_FILE!r}"
+            raise InputError(f"{file.path}: a file in format {found.name} says what it holds; {problem}")
+        return NUMBERS if found is not ARCHIVE else found
     if found is not None:
         return found
     if named:
         return named[0]
-    if _NUMBERS_ONLY.fullmatch(file.content):
-        raise InputError(
-            f"{file.path}: numbers only; a header with time step and unit is required, as AT2 and CSV have"
-        )
+    _check_first_lines(file)
     names = ", ".join(known.name for known in FORMATS)
     raise InputError(f"{file.path}: not a ground motion in a format that is read: {names}")
+
+
+#: Files inside an archive are in any of the formats.
+ARCHIVE = archive_format(format_of)
+
+
+def _check_first_lines(file: RecordFile) -> None:
+    """Refuse a file in none of the formats by what its first lines say of it, where they do."""
+    for line_number, line in enumerate(file.lines[:_LINES] if file.is_text else (), 1):
+        if re.match(r"\s*(?:[0-9]\s+)?(?:un-?corrected|unprocessed|raw)\b", line, re.IGNORECASE):
+            raise file.error(line_number, f"an uncorrected record, by {quoted(line)}; a corrected one is required")
+        if (quantity := named_quantity(line)) and line_number <= 4:
+            raise file.error(line_number, f"a {quantity}, by {quoted(line)}; an acceleration is required")

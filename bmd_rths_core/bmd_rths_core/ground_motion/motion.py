@@ -51,7 +51,10 @@ class GroundMotion:
         where = f"ground motion {self.name!r} ({self.source})"
         if not (math.isfinite(self.time_step) and self.time_step > 0):
             raise InputError(f"{where}: time step {self.time_step:g} s; a finite number > 0 is required")
-        if acceleration.ndim != 1 or acceleration.size < 2:
+        if acceleration.ndim == 1 and acceleration.size < 2:
+            found = "one point" if acceleration.size else "no point"
+            raise InputError(f"{where}: {found} of acceleration; two or more are required")
+        if acceleration.ndim != 1:
             raise InputError(f"{where}: acceleration of shape {acceleration.shape}; (N,) with N >= 2 is required")
         bad = np.flatnonzero(~np.isfinite(acceleration))
         if bad.size:

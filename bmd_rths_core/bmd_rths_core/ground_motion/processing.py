@@ -22,6 +22,14 @@ _HALF_WIDTH = 26
 
 _RATIO_TOLERANCE = 1e-9
 
+#: Smallest peak that is scaled to another [m/s²]: below it is the noise of the ground itself (Peterson 1993, New
+#: High-Noise Model, USGS Open-File Report 93-322: some 1e-6 m/s² in the band of a shake table).
+SMALLEST_PEAK = 1e-6
+
+#: What is left of a constant by the rounding of `high_pass`, as a part of it, with a margin.
+ROUNDING = 1e-11
+
+MAX_EXTENSION = 5_000_000  #: Most points `high_pass` extends a record by at each end.
 #: Order of the Butterworth filter of `high_pass`, both directions together.
 _HIGH_PASS_ORDER = 4
 
@@ -179,12 +187,22 @@ def high_pass(motion: GroundMotion, frequency: float) -> GroundMotion:
         raise InputError(
             f"high-pass frequency {frequency:g} Hz; ground motion {motion.name!r} can be filtered {allowed}"
         )
-    extension = math.ceil(0.75 * _HIGH_PASS_ORDER / (frequency * motion.time_step))
+    points = 0.75 * _HIGH_PASS_ORDER / (frequency * motion.time_step)
+    if points > MAX_EXTENSION:
+        problem = f"extends ground motion {motion.name!r} by {points:.3g} points; at most {MAX_EXTENSION} are allowed"
+        raise InputError(f"high-pass frequency {frequency:g} Hz {problem}")
+    extension = math.ceil(points)
     extended = np.pad(motion.acceleration - motion.acceleration.mean(), extension)
     points = 1 << (2 * len(extended)).bit_length()  # twice as long, because the transform is circular
     powers = np.fft.rfftfreq(points, motion.time_step) ** _HIGH_PASS_ORDER
     gain = powers / (powers + frequency**_HIGH_PASS_ORDER)
-    return replace(motion, acceleration=np.fft.irfft(gain * np.fft.rfft(extended, points), points)[: len(extended)])
+    filtered = np.fft.irfft(gain * np.fft.rfft(extended, points), points)[: len(extended)]
+    if motion.peak > 0.0 and np.max(np.abs(filtered)) < ROUNDING * motion.peak:
+        raise InputError(
+            f"ground motion {motion.name!r}: constant at {motion.acceleration[0]:g} m/s²; nothing but rounding is left "
+            f"of it above {frequency:g} Hz"
+        )
+    return replace(motion, acceleration=filtered)
 
 
 def scale_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
@@ -208,6 +226,11 @@ def scale_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
         The peak is not a finite number > 0, or the record is zero throughout.
     """
     _check_positive("peak", peak, "m/s²")
+    if 0.0 < motion.peak < SMALLEST_PEAK:
+        raise InputError(
+            f"ground motion {motion.name!r}: peak {motion.peak:.3g} m/s² is no ground motion but noise or rounding; "
+            f"{SMALLEST_PEAK:g} m/s² or more can be scaled"
+        )
     if motion.peak == 0.0:
         raise InputError(f"ground motion {motion.name!r}: zero throughout, cannot be scaled to a peak of {peak:g} m/s²")
     return replace(motion, acceleration=motion.acceleration / motion.peak * peak)
@@ -329,7 +352,8 @@ def check_time_step(motion: GroundMotion, time_step: float) -> None:
     if not divide_each_other(motion.time_step, time_step):
         raise InputError(
             f"time step {time_step:.9g} s; ground motion {motion.name!r} has {motion.time_step:.9g} s, and a whole "
-            f"multiple or a whole fraction of that is required, by a factor of at most {MAX_RATIO}"
+            f"multiple or a whole fraction of that is required, by a factor of at most {MAX_RATIO}, or "
+            "ground_motion.resample=true for band-limited interpolation"
         )
 
 

@@ -85,6 +85,8 @@ def estimate_frequency_response(
         The signals do not belong together, have a gap, are too short, or the excitation is zero.
     """
     x, y = np.asarray(excitation, dtype=float), np.asarray(response, dtype=float)
+    if x.size == 0 or y.size == 0:
+        raise InputError("frequency response: no values of excitation or response; a record of both is required")
     if x.ndim != 1 or y.shape[:1] != x.shape:
         raise InputError(f"frequency response: signals of shape {x.shape} and {y.shape} do not belong together")
     if not (np.isfinite(x).all() and np.isfinite(y).all()):

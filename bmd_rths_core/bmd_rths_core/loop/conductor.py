@@ -159,8 +159,8 @@ class Conductor:
 
     Notes
     -----
-    All times are of one monotonic clock [s]. Steps are never run in a burst: a tick that is more than Δt/2 late moves the
-    schedule.
+    All times are of one monotonic clock [s]. Steps are never run in a burst: a tick that is more than Δt/2 late
+    moves the schedule.
     """
 
     def __init__(

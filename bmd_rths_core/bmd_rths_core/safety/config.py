@@ -7,11 +7,12 @@ from typing import Any, ClassVar
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import LIMITS_BY_UNIT, RAMP_ACCELERATION, RAMP_JERK, Bounds
 from bmd_rths_core.safety.trips import ACTION_NAMES, Action
 
 
-def _limit(default: float, description: str, unit: str, source: str) -> Any:
-    return parameter(default, description=description, unit=unit, source=source, lower=0.0, lower_open=True)
+def _limit(default: float, description: str, unit: str, source: str, bounds: Bounds | None = None) -> Any:
+    return parameter(default, description=description, unit=unit, source=source, **(bounds or LIMITS_BY_UNIT[unit]))
 
 
 def _action(default: Action, limit: str, source: str = "") -> Any:
@@ -52,6 +53,7 @@ class SafetyConfig:
         unit="m",
         source="assumed: 1 % of the stroke of Chen et al. 2020",
         lower=0.0,
+        upper=10.0,
     )
     velocity_limit: float = _limit(
         1.0,
@@ -144,12 +146,14 @@ class SafetyConfig:
         "Largest acceleration while the table is braked and brought back; no more than acceleration_limit",
         "m/s2",
         "assumed",
+        RAMP_ACCELERATION,
     )
     ramp_jerk: float = _limit(
         500.0,
         "Largest jerk while the table is braked and brought back",
         "m/s3",
         "assumed: that of the commands in stable runs at 1 m/s2",
+        RAMP_JERK,
     )
     ramp_velocity: float = _limit(
         0.2, "Largest velocity while the table is brought back, not above velocity_limit", "m/s", "assumed"

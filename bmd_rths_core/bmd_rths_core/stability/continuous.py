@@ -9,7 +9,8 @@ because its first crossing looks harmless, and a loop that is stable again at a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -34,8 +35,11 @@ from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
 
-#: Mass ratios up to here are examined. At 1 the numerical substructure would have no mass at all.
+#: Mass ratios up to here are examined first. At 1 the numerical substructure would have no mass at all.
 LARGEST_MASS_RATIO = 0.99
+
+#: A loop that is stable up to there is examined up to here, and taken for stable at every ratio if it is stable still.
+NEARLY_ONE = 1.0 - 1e-6
 
 #: Phase variation of a cell to begin with [rad]; any value gives the same result.
 _FIRST_CELL = 0.5
@@ -146,13 +150,13 @@ class LoopTransferFunction:
             value = value * element.response(omega)
         return np.asarray(-(omega**2) * value * mass_ratio / (1.0 - mass_ratio))
 
-    def margin(self, largest: float = LARGEST_MASS_RATIO) -> StabilityMargin:
+    def margin(self, largest: float | None = None) -> StabilityMargin:
         """Return the allowable mass ratio.
 
         Parameters
         ----------
-        largest : float
-            Largest mass ratio to examine, between 0 and 1.
+        largest : float, optional
+            See `margins`.
 
         Returns
         -------
@@ -160,13 +164,14 @@ class LoopTransferFunction:
         """
         return self.margins(largest)[0]
 
-    def margins(self, largest: float = LARGEST_MASS_RATIO) -> list[StabilityMargin]:
+    def margins(self, largest: float | None = None) -> list[StabilityMargin]:
         """Return the allowable mass ratio for each of the numerical substructures.
 
         Parameters
         ----------
-        largest : float
-            Largest mass ratio to examine, between 0 and 1.
+        largest : float, optional
+            Largest mass ratio to examine, between 0 and 1. Without it, `LARGEST_MASS_RATIO` for a loop that is unstable
+            below it; 1 for a loop that is stable up to there and `NEARLY_ONE`, where its response is known everywhere.
 
         Returns
         -------
@@ -177,6 +182,8 @@ class LoopTransferFunction:
         InputError
             The largest mass ratio is not between 0 and 1.
         """
+        if largest is None:
+            return self._margins_to_the_end()
         if not 0.0 < largest < 1.0:
             raise InputError(f"largest mass ratio: {largest:g} is not allowed; > 0 and < 1 is required")
         poles = self.numerical.poles.reshape(-1, self.numerical.poles.shape[-1])
@@ -189,6 +196,21 @@ class LoopTransferFunction:
         first = np.searchsorted(crossings.loop[order], np.arange(len(poles) + 1))
         each = (order[begin:end] for begin, end in pairwise(first))
         return [_margin(ratios[own], crossings.frequency[own], crossings.direction[own], largest) for own in each]
+
+    def _margins_to_the_end(self) -> list[StabilityMargin]:
+        found = self.margins(LARGEST_MASS_RATIO)
+        beyond = [i for i, margin in enumerate(found) if margin.allowable_mass_ratio == LARGEST_MASS_RATIO]
+        if not beyond or any(math.isfinite(element.last_frequency) for element in (self.numerical, *self._rest)):
+            return found
+        poles = self.numerical.poles.reshape(-1, self.numerical.poles.shape[-1])
+        flat = Rational(self.numerical.zeros.reshape(len(poles), -1), poles, self.numerical.gain.reshape(-1))
+        again = replace(self, numerical=flat.take(np.array(beyond))).margins(NEARLY_ONE)
+        for i, margin in zip(beyond, again, strict=True):
+            stable = margin.stable_intervals
+            if stable[-1].upper == NEARLY_ONE:
+                stable = (*stable[:-1], stable[-1]._replace(upper=1.0))
+            found[i] = StabilityMargin(stable[0].upper, stable[0].upper_frequency, stable)
+        return found
 
     def _crossings(self, numerical: Rational, largest: float) -> Crossings:
         rest = self._rest

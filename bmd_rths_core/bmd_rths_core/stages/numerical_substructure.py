@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import DAMPING, MASS, STIFFNESS
 from bmd_rths_core.structure.shear_building import ShearBuilding, stories
 
 
@@ -24,23 +25,21 @@ class NumericalSubstructureConfig:
         description="Floor masses from the ground up; the last is the interface",
         unit="kg",
         source="Chen et al. 2020, simplified BMD: m_N = 8 kN s2/m",
-        lower=0.0,
-        lower_open=True,
+        **MASS,
     )
     stiffnesses: tuple[float, ...] = parameter(
         (70823424.8,),
         description="Story stiffnesses from the ground up",
         unit="N/m",
         source="Chen et al. 2020, simplified BMD: m_N w_N^2 with w_N = 94.09 rad/s",
-        lower=0.0,
-        lower_open=True,
+        **STIFFNESS,
     )
     damping_coefficients: tuple[float, ...] = parameter(
         (25140.848,),
         description="Story damping coefficients from the ground up",
         unit="N s/m",
         source="Chen et al. 2020, simplified BMD: 2 z_N w_N m_N with z_N = 1.67 %",
-        lower=0.0,
+        **DAMPING,
     )
 
     def __post_init__(self) -> None:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import VARIANCE
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 
@@ -37,16 +39,14 @@ class ShearEstimatorConfig:
         description="Accelerometer noise the filter assumes, root mean square",
         unit="m/s2",
         source="Chen et al. 2020",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
     model_error: float = parameter(
         0.1,
         description="Unmodelled acceleration of every floor the filter assumes, root mean square, white over the steps",
         unit="m/s2",
         source="tuned on the simulated table",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
 
     def __post_init__(self) -> None:
@@ -197,7 +197,13 @@ def steady_state_filter(config: ShearEstimatorConfig, specimen: ShearBuilding, t
     inputs = np.hstack((gamma_0, gamma_1))
     measurement_noise = config.sensor_noise**2 * np.eye(n)
     process_noise = config.sensor_noise**2 * inputs @ inputs.T + config.model_error**2 * unmodelled @ unmodelled.T
-    prior = solve_discrete_are(phi.T, floors.T, process_noise, measurement_noise)
+    try:
+        prior = solve_discrete_are(phi.T, floors.T, process_noise, measurement_noise)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise InputError(
+            f"shear_estimator: no Kalman filter with sensor_noise {config.sensor_noise:g} m/s2 and model_error "
+            f"{config.model_error:g} m/s2 for this specimen: {' '.join(str(error).split())}"
+        ) from error
     gain = np.linalg.solve(floors @ prior @ floors.T + measurement_noise, floors @ prior).T
     return SteadyStateFilter(phi, inputs, floors, process_noise, measurement_noise, gain, prior - gain @ floors @ prior)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.explicit_integration import SystemMatrices
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import DAMPING_RATIO, DRIFT, FACTOR, LENGTH, POSITIVE_FACTOR, WEIGHT
 from bmd_rths_core.structure.damping import modal_damping, rayleigh_coefficients, rayleigh_damping
 from bmd_rths_core.structure.shear_building import Modes, ShearBuilding, modes_of
 from bmd_rths_core.structure.story_springs import BilinearSpring, BoucWenSpring, LinearSpring, StorySpring, StorySprings
@@ -34,8 +35,7 @@ class NonlinearConfig:
         description="Story drift at first yield, one a story, for bilinear and bouc_wen; the yield force is this times "
         "the stiffness of the story",
         unit="m",
-        lower=0.0,
-        lower_open=True,
+        **DRIFT,
     )
     post_yield_ratio: float = parameter(
         0.05,
@@ -46,18 +46,21 @@ class NonlinearConfig:
         upper=1.0,
     )
     bouc_wen_a: float = parameter(
-        1.0, description="A of the Bouc-Wen model", unit="1", source="Wen 1976", lower=0.0, lower_open=True
+        1.0, description="A of the Bouc-Wen model", unit="1", source="Wen 1976", **POSITIVE_FACTOR
     )
     bouc_wen_beta: float = parameter(
         0.5,
         description="beta of the Bouc-Wen model",
         unit="1",
         source="assumed: A = beta + gamma makes the yield drift that of the bilinear model",
-        lower=0.0,
-        lower_open=True,
+        **POSITIVE_FACTOR,
     )
     bouc_wen_gamma: float = parameter(
-        0.5, description="gamma of the Bouc-Wen model, -beta < gamma <= beta", unit="1", source="assumed, as beta"
+        0.5,
+        description="gamma of the Bouc-Wen model, -beta < gamma <= beta",
+        unit="1",
+        source="assumed, as beta",
+        **FACTOR,
     )
     bouc_wen_n: float = parameter(
         2.0, description="Sharpness n of the Bouc-Wen model", unit="1", source="assumed", lower=1.0, upper=50.0
@@ -72,20 +75,24 @@ class NonlinearConfig:
         (),
         description="Damping ratios: of the two rayleigh_modes for rayleigh; one for all modes or one a mode for modal",
         unit="1",
-        lower=0.0,
+        **DAMPING_RATIO,
     )
     rayleigh_modes: tuple[float, ...] = parameter(
-        (1.0, 2.0), description="The two modes whose damping ratios rayleigh meets, from 1", unit="1", lower=1.0
+        (1.0, 2.0),
+        description="The two modes whose damping ratios rayleigh meets, from 1",
+        unit="1",
+        lower=1.0,
+        upper=1000.0,
     )
     gravity_loads: tuple[float, ...] = parameter(
         (),
         description="Gravity load each story carries, the building above the interface included, for P-Delta; none for "
         "no P-Delta",
         unit="N",
-        lower=0.0,
+        **WEIGHT,
     )
     story_heights: tuple[float, ...] = parameter(
-        (), description="Story heights, one for each of gravity_loads", unit="m", lower=0.0, lower_open=True
+        (), description="Story heights, one for each of gravity_loads", unit="m", **LENGTH
     )
     integration: str = parameter(
         "exact",

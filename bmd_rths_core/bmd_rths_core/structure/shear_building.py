@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.physical_bounds import LARGEST_FREQUENCY
 
 FloatArray = NDArray[np.float64]
 
@@ -210,12 +211,23 @@ def stories(
     Raises
     ------
     InputError
-        See `ShearBuilding`; the message starts with the section.
+        See `ShearBuilding`, or a floor is faster than what is integrated exactly; the message starts with the section.
     """
     try:
-        return ShearBuilding(masses, stiffnesses, damping_coefficients)
+        building = ShearBuilding(masses, stiffnesses, damping_coefficients)
     except InputError as error:
         raise InputError(f"{section}: {error}") from error
+    for name, matrix, power in (
+        ("stiffnesses", building.stiffness_matrix, 0.5),
+        ("damping_coefficients", building.damping_matrix, 1.0),
+    ):
+        # Gershgorin: no eigenvalue of M⁻¹K is larger than the largest sum of a row
+        rates = (np.abs(matrix).sum(axis=1) / np.asarray(masses)) ** power
+        floor = int(np.argmax(rates))
+        if rates[floor] > LARGEST_FREQUENCY:
+            problem = f"floor {floor + 1} of {masses[floor]:g} kg moves at up to {rates[floor]:.3g} rad/s"
+            raise InputError(f"{section}.{name}: {problem}; at most {LARGEST_FREQUENCY:g} rad/s is integrated exactly")
+    return building
 
 
 def mass_ratio(experimental_mass: float, numerical_mass: float) -> float:

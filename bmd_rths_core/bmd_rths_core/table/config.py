@@ -32,13 +32,12 @@ class TableConfig:
         "only, port 0 is any free one",
     )
     answer_timeout: float = parameter(
-        0.004,
+        0.0,
         description="Longest wait for the answer to a command in real time, less than the time step; the step then has "
-        "no measurement",
+        "no measurement. 0 is until the next command is due",
         unit="s",
-        source="assumed: the udp controller answers after 3 ms",
+        source="the deadline of a step",
         lower=0.0,
-        lower_open=True,
         upper=LONGEST_ANSWER_TIMEOUT,
     )
     resend_after: float = parameter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from bmd_rths_core.config import Config
@@ -313,6 +314,7 @@ def make_udp_table(config: Config, transport: Transport, session: int) -> UdpTab
         Number of the session, 32 bits, that no other host has.
     """
     run, table = config.run, config.table
+    table = replace(table, answer_timeout=table.answer_timeout or run.time_step)
     motion = DisplacementCommand(config.safety, run.time_step) if table.send_displacement else None
     floors = len(config.specimen.masses)
     return UdpTable(table, floors, run.time_step_ns, run.lockstep, transport, session, motion)

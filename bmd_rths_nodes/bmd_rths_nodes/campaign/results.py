@@ -24,6 +24,9 @@ _COLUMNS = (
 )
 _HEADER = (",".join(_COLUMNS) + "\n").encode()
 
+#: What a cell begins with that programs of tables take for a formula, and the mark it is escaped with itself.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
+
 
 class CampaignResults:
     """One line for every finished run, found again by its key.
@@ -82,7 +85,15 @@ class CampaignResults:
             Its key.
         """
         self._file.seek(self._places[key])
-        return _result(next(csv.DictReader([self._file.readline().decode()], _COLUMNS)))
+        line = self._file.readline()
+        try:
+            return _result(next(csv.DictReader([line.decode()], _COLUMNS)))
+        except (ValueError, TypeError, KeyError, StopIteration, csv.Error) as error:
+            problem = " ".join(str(error).split()) or type(error).__name__
+            shown = line[:60].decode("utf-8", "replace").rstrip()
+            raise InputError(
+                f"{self.path}: the line {shown!r}... is damaged: {problem}; another --output is required"
+            ) from error
 
     def write_parquet(self) -> Path | None:
         """Write all lines as a Parquet file beside the CSV file too.
@@ -115,7 +126,7 @@ class CampaignResults:
             if whole == 0 and line != _HEADER:
                 raise InputError(f"{self.path}: line 1: not the columns of a campaign; another --output is required")
             if whole:
-                self._places[line.partition(b",")[0].decode()] = whole
+                self._places[line.partition(b",")[0].decode("utf-8", "replace")] = whole
             whole += len(line)
         self._file.truncate(whole)
         if whole == 0:
@@ -128,11 +139,25 @@ def _line(result: Mapping[str, Any]) -> bytes:
     row = {**result, **errors, "variation": json.dumps(result["variation"])}
     text = io.StringIO()
     # A missing value is an empty cell; the shortest text that reads back as the same number is that of repr.
-    csv.writer(text, lineterminator="\n").writerow(["" if row[name] is None else row[name] for name in _COLUMNS])
+    cells = ("" if row[name] is None else row[name] for name in _COLUMNS)
+    csv.writer(text, lineterminator="\n").writerow(
+        [_escaped(cell) if isinstance(cell, str) else cell for cell in cells]
+    )
     return text.getvalue().encode()
 
 
+def _escaped(text: str) -> str:
+    """Return a text that no program of tables takes for a formula."""
+    return f"'{text}" if text.startswith(_FORMULA) else text
+
+
 def _result(row: Mapping[str, str]) -> dict[str, Any]:
+    if None in row:  # the key csv gives cells that are left over
+        raise ValueError("more cells than columns")
+    row = {
+        name: text.removeprefix("'") if text is not None and text[1:].startswith(_FORMULA) and text[:1] == "'" else text
+        for name, text in row.items()
+    }
     return {
         **{name: row[name] for name in ("key", "motion")},
         "event": row["event"] or None,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bmd_rths_core.bounded_yaml import parse_yaml
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.errors import InputError
 
@@ -30,18 +31,23 @@ class ConfigChoice:
     ----------
     config : str
         Path of a configuration file, or the name of one that is installed.
-    scheme, motion, component, table : str, optional
+    scheme, motion, component, unit, columns, table : str, optional
         Options of the command line. A table is the name of a controller, or the address of the udp controller.
     models : tuple of str
         Files whose parameters replace those of the configuration file, a later one those of an earlier one.
     settings : tuple of str
         ``section.key=value``.
+    dt : float, optional
+        Time step of a record that does not state it [s].
     """
 
     config: str
     scheme: str | None = None
     motion: str | None = None
     component: str | None = None
+    unit: str | None = None
+    columns: str | None = None
+    dt: float | None = None
     table: str | None = None
     models: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
@@ -72,6 +78,9 @@ class ConfigChoice:
             "run__scheme": self.scheme,
             "ground_motion__record": self.motion,
             "ground_motion__component": self.component,
+            "ground_motion__unit": self.unit,
+            "ground_motion__columns": self.columns,
+            "ground_motion__record_time_step": self.dt,
             "table__controller": self.table,
         }
         if self.table is not None and "://" in self.table:
@@ -105,8 +114,6 @@ def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
     InputError
         One of them is malformed.
     """
-    import yaml
-
     changes: dict[str, object] = {}
     for setting in settings:
         name, equals, value = setting.partition("=")
@@ -114,8 +121,8 @@ def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
         if not (equals and dot and key):
             raise InputError(f"--set {setting}: SECTION.KEY=VALUE is required")
         try:
-            changes[f"{section}__{key}"] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
+            changes[f"{section}__{key}"] = parse_yaml(value, "value")
+        except InputError as error:
             raise InputError(f"--set {setting}: {value!r} is not a YAML value") from error
     return changes
 
@@ -128,7 +135,32 @@ _OPTIONS = {
         "--table", metavar="NAME", help="Table controller: simulated, udp://HOST:PORT, or the name of an installed one."
     ),
     "component": click.option("--component", metavar="NAME", help="Component of a record with several."),
+    "dt": click.option(
+        "--dt", type=float, metavar="SECONDS", help="Time step of a record that does not state it (record_time_step)."
+    ),
+    "unit": click.option(
+        "--unit", metavar="UNIT", help="Unit of a record that does not state it: g, m/s2, cm/s2, gal."
+    ),
+    "columns": click.option(
+        "--columns", metavar="NAMES", help="What the columns of a file of numbers are, as time,acceleration; or series."
+    ),
 }
+
+#: Options that say of a record what its file does not.
+RECORD_OPTIONS = ("component", "dt", "unit", "columns")
+
+
+def record_options(command: Command) -> Command:
+    """Give a command ``--dt``, ``--unit`` and ``--columns``, under these names.
+
+    Parameters
+    ----------
+    command : callable
+        A command without CONFIG.
+    """
+    for name in reversed(RECORD_OPTIONS[1:]):
+        command = _OPTIONS[name](command)
+    return command
 
 
 model_option = click.option(
@@ -149,7 +181,7 @@ def configured(*names: str, default: str | None = None) -> Callable[[Command], C
     Parameters
     ----------
     *names : str
-        Some of ``scheme``, ``motion``, ``component`` and ``table``.
+        Some of ``scheme``, ``motion``, `RECORD_OPTIONS` and ``table``.
     default : str, optional
         CONFIG when it is left out; without, it is required.
 

@@ -11,7 +11,7 @@ import click
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.version import __version__
-from bmd_rths_nodes.cli.options import log
+from bmd_rths_nodes.cli.options import log, printable
 
 #: Commands in the order of the help; each is the function of its name in the module of its name.
 COMMANDS = (
@@ -65,7 +65,7 @@ def main() -> int:
     try:
         status = cli.main(prog_name="bmd-rths", standalone_mode=False)
     except InputError as error:
-        log(f"error: {error}")
+        log(f"error: {printable(str(error))}")
         return 2
     except click.exceptions.NoArgsIsHelpError as error:
         log(error.format_message())

@@ -14,7 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.cli.options import json_option, progress_bar
+from bmd_rths_nodes.cli.configuration import record_options
+from bmd_rths_nodes.cli.options import json_option, printable, progress_bar
 
 if TYPE_CHECKING:
     from bmd_rths_core.ground_motion.catalogue import CatalogueEntry
@@ -36,15 +37,22 @@ _COLUMNS = (
 
 @click.command(epilog="Example: bmd-rths motions records --json")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@record_options
 @json_option
-def motions(folder: Path, as_json: bool) -> int:
+def motions(folder: Path, dt: float | None, unit: str | None, columns: str | None, as_json: bool) -> int:
     """List the ground motions below a folder, and what is wrong with the other files.
 
     f is the frequency of the peak of the power spectral density of the acceleration (Welch, segments of 10 s), D5-95
     the significant duration. PGV is integrated from rest without any correction.
     """
     from bmd_rths_core.ground_motion.catalogue import catalogue, record_files
+    from bmd_rths_core.ground_motion.config import GroundMotionConfig
+    from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, Stated
 
+    asked = GroundMotionConfig(
+        unit=unit or FROM_FILE, record_time_step=dt or 0.0, columns=columns or FROM_FILE
+    )  # checks them
+    stated = Stated(unit=asked.unit, time_step=asked.record_time_step, columns=asked.columns)
     paths = record_files(folder)
     records: list[dict[str, Any]] = []
     not_read: list[dict[str, str]] = []
@@ -52,7 +60,7 @@ def motions(folder: Path, as_json: bool) -> int:
         for path in progress.track(paths, description="reading"):
             name = path.name if path == folder else path.relative_to(folder).as_posix()
             try:
-                records += [{"file": name, **_plain(entry)} for entry in catalogue(path)]
+                records += [{"file": name, **_plain(entry)} for entry in catalogue(path, stated)]
             except InputError as error:
                 not_read.append({"file": name, "problem": str(error).removeprefix(f"{path}: ")})
     if as_json:
@@ -71,6 +79,7 @@ def _plain(entry: CatalogueEntry) -> dict[str, Any]:
         "format": entry.format,
         "component": entry.component,
         "states_unit": entry.states_unit,
+        "note": entry.note,
         "time_step_s": motion.time_step,
         "points": motion.steps,
         "duration_s": motion.duration,
@@ -88,8 +97,10 @@ def _plain(entry: CatalogueEntry) -> dict[str, Any]:
 def _show(records: list[dict[str, Any]], not_read: list[dict[str, str]]) -> None:
     if records:
         _show_records(records)
+    for file, note in dict.fromkeys((record["file"], record["note"]) for record in records if record["note"]):
+        click.echo(f"note: {printable(file)}: {note}")
     for entry in not_read:
-        click.echo(f"not read: {entry['file']}: {entry['problem']}")
+        click.echo(f"not read: {printable(entry['file'])}: {entry['problem']}")
 
 
 def _show_records(records: list[dict[str, Any]]) -> None:
@@ -100,7 +111,7 @@ def _show_records(records: list[dict[str, Any]]) -> None:
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for record in records:
         cells = ("unknown" if record[key] is None else format(record[key], form) for key, _, form in _COLUMNS)
-        table.add_row(Text(record["file"]), record["format"], Text(record["component"]), *cells)
+        table.add_row(Text(printable(record["file"])), record["format"], Text(printable(record["component"])), *cells)
     # As wide as it needs to be: a terminal folds long lines, a pipe keeps them.
     Console(width=_WIDTH).print(table)
     if not all(record["states_unit"] for record in records):

@@ -34,8 +34,9 @@ def check_writable(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--output {folder}: cannot be written: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # the latter of a name with a NUL in it
+        problem = getattr(error, "strerror", None) or error
+        raise InputError(f"--output {str(folder)[:100]}: cannot be written: {problem}") from error
     if not os.access(folder, os.W_OK | os.X_OK):
         raise InputError(f"--output {folder}: cannot be written: Permission denied")
 
@@ -54,7 +55,7 @@ def output_folder(folder: Path) -> Iterator[None]:
     InputError
         It cannot be written.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    made = [path for path in (folder, *folder.parents) if not os.path.exists(path)]  # which never fails
     check_writable(folder)
     try:
         yield
@@ -71,6 +72,17 @@ def progress_bar(*columns: ProgressColumn) -> Progress:
 
     console = Console(stderr=True)
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def printable(text: str) -> str:
+    """Return text from outside as it may be shown on a terminal: its control characters as escapes, on one line.
+
+    Parameters
+    ----------
+    text : str
+        A file name, say.
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
 def log(text: str) -> None:

@@ -9,7 +9,7 @@ import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from bmd_rths_nodes.cli import preflight
-from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
@@ -28,7 +28,7 @@ _TOO_SLOW = (
 
 
 @click.command(epilog="Example: bmd-rths run config/simplified_bmd.yaml --scheme plc_fc --output bags")
-@configured("scheme", "motion", "component", "table")
+@configured("scheme", "motion", *RECORD_OPTIONS, "table")
 @click.option("--lockstep", is_flag=True, help="Start each step when the last one has closed, as fast as it goes.")
 @click.option("--composed", is_flag=True, help="Run the five nodes of the loop in one process.")
 @click.option(

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.options import json_option, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.run.bag_names import new_bag_directory
 
 
 @click.command(epilog="Example: bmd-rths simulate config/simplified_bmd.yaml --scheme uc --json")
-@configured("scheme", "motion", "component")
+@configured("scheme", "motion", *RECORD_OPTIONS)
 @click.option("--output", type=click.Path(path_type=Path), help="Folder to write a bag of the run into.")
 @json_option
 def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:

@@ -10,13 +10,21 @@ import numpy as np
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile
 from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
-from bmd_rths_core.ground_motion.formats.units import UNITS_READ, listed, quoted, unit_factor
+from bmd_rths_core.ground_motion.formats.units import (
+    UNITS_READ,
+    factor_on_unit,
+    listed,
+    named_quantity,
+    other_quantity,
+    quoted,
+    unit_factor,
+)
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 _SIZE_LINE = re.compile(r"\bNPTS\b", re.IGNORECASE)
 # "NPTS=  4000, DT= .01000 SEC", also without comma, without SEC, in lower case and with text after it
 _KEYWORDS_FIRST = re.compile(
-    r"NPTS\s*=\s*([0-9]{1,9})(?!\.?[0-9]).*?\bDT\s*=\s*([0-9.ED+-]+)\s*([A-Z]*)", re.IGNORECASE
+    r"NPTS\s*=\s*([0-9]{1,9})(?!\.?[0-9]).*?\bDT\s*=\s*([0-9.ED+-]+(?:,[0-9]+)?)\s*([A-Z]*)", re.IGNORECASE
 )
 # "7200    0.0050    NPTS, DT"
 _VALUES_FIRST = re.compile(r"\s*([0-9]{1,9})[\s,]+([0-9.ED+-]+)()[\s,]+NPTS\s*,?\s*DT\b", re.IGNORECASE)
@@ -24,7 +32,14 @@ _VALUES_FIRST = re.compile(r"\s*([0-9]{1,9})[\s,]+([0-9.ED+-]+)()[\s,]+NPTS\s*,?
 _HEADER_LINES = 100
 _TIME_UNITS = ("", "S", "SEC", "SECS", "SECOND", "SECONDS")
 # "UNITS OF G", "The units are (g)", "UNITS: cm/s²", but not "UNIT 2" of a power station
-_UNIT = re.compile(r"\bunits?\s*(?:\b(?:of|are|is|in)\b|[:=(])[\s(:=]*([^\s(),;:=]+)", re.IGNORECASE)
+# "Acceleration in g", "ACC. (cm/s2)", "Accel [g]"
+_UNIT = re.compile(
+    r"\b(?:units?\s*(?:\b(?:of|are|is|in)\b|[:=(\[])|acc[a-z]*\.?\s*(?:time\s+(?:series|history)\s*)?"
+    r"(?:\bin\b|[(\[])(?!\s*units?\b))"
+    r"[\s(\[:=]*([^\s(),;:=\[\]]+)(?=(.*))",
+    re.IGNORECASE,
+)
+_UNCORRECTED = re.compile(r"\b(?:un-?corrected|un-?processed)\b", re.IGNORECASE)
 
 
 def read_at2(path: str | Path) -> GroundMotion:
@@ -63,11 +78,21 @@ def _channels(file: RecordFile) -> list[Channel]:
     if size_line is None:
         raise InputError(f"{file.path}: no header line with NPTS and DT, as 'NPTS=  4000, DT= .0100 SEC'")
     steps, time_step = _size(file, size_line)
+    _check_quantity(file, size_line)
     factor = _factor(file, size_line)
     values = file.numbers(size_line + 1, end="*** end")
     if len(values) != steps:
         raise InputError(f"{file.path}: {len(values)} values, but line {size_line} gives NPTS = {steps}")
     return [Channel("", time_step, np.array(values), factor)]
+
+
+def _check_quantity(file: RecordFile, size_line: int) -> None:
+    """Check that no line of the header says that the values are something else than a corrected acceleration."""
+    for line_number, line in enumerate(file.lines[:size_line], 1):
+        if quantity := named_quantity(line):
+            raise file.error(line_number, f"a {quantity}, by {quoted(line)}; an acceleration is required")
+        if _UNCORRECTED.search(line):
+            raise file.error(line_number, f"an uncorrected record, by {quoted(line)}; a corrected one is required")
 
 
 def _size(file: RecordFile, line_number: int) -> tuple[int, float]:
@@ -84,7 +109,18 @@ def _size(file: RecordFile, line_number: int) -> tuple[int, float]:
 
 def _factor(file: RecordFile, size_line: int) -> float:
     """Return the unit of the values in m/s², which the header must name: a guess could be wrong by 9.8."""
-    names = [name.rstrip(".") for line in file.lines[:size_line] for name in _UNIT.findall(line)]
+    found_units = [
+        (line_number, str(found[1]), str(found[2]))
+        for line_number, line in enumerate(file.lines[:size_line], 1)
+        for found in _UNIT.finditer(line)
+    ]
+    for line_number, name, rest in found_units:
+        if factor_on_unit(name, rest):
+            problem = f"a factor on the unit, {quoted(name + rest)}; values in the unit itself are required"
+            raise file.error(line_number, problem)
+        if quantity := other_quantity(name.rstrip(".")):
+            raise file.error(line_number, f"a {quantity}, in {quoted(name)}; an acceleration is required")
+    names = [name.rstrip(".") for _, name, _ in found_units]
     factors = {unit_factor(name) for name in names}
     factor = factors.pop() if len(factors) == 1 else None
     if factor is None:

@@ -7,19 +7,24 @@ from pathlib import Path
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
+from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 # " 3251 POINTS OF ACCEL DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: CM/SEC/SEC)" in 8F10.3, or later
 # "15200 points of accel data equally spaced at  .005 sec, in cm/sec2. (8f10.6)"
 _DATA_LINE = re.compile(
-    r"\s*([0-9]{1,9})\s+points of accel data equally spaced at\s+([0-9.]+)\s*sec[.,]?\s*(?:\(units:|in)\s*([^\s)]+)",
+    r"\s*([0-9]{1,9})\s+points of accel data equally spaced at"
+    r"\s+([0-9.]+)\s*sec[.,]?\s*(?:\(units:|in)\s*([^\s)]+)([^)]*)",
     re.IGNORECASE,
 )
 _COLUMNS = 8
 _WIDTH = 10
 # "CHAN  1:  90 DEG"; the last such line above the data has nothing behind the direction
 _CHANNEL = re.compile(r"\bchan\s+[0-9]{1,4}:\s*(\S.*)", re.IGNORECASE)
+# The first line of a channel; that of the uncorrected one it was made from may follow below
+_TITLE = re.compile(r"\s*(un-?)?corrected accelerogram", re.IGNORECASE)
 _END = re.compile(r"/&.*\bend of data for channel\b", re.IGNORECASE)
 
 
@@ -57,8 +62,12 @@ def _recognises(file: RecordFile) -> bool:
 def _channels(file: RecordFile) -> list[Channel]:
     channels = []
     name = ""
-    last_data_line, last_end = 0, 0
+    last_title, last_data_line, last_end = 0, 0, 0
     for line_number, line in enumerate(file.lines, 1):
+        if (found := _TITLE.match(line)) and last_title <= last_end:
+            last_title = line_number
+            if found[1]:
+                raise file.error(line_number, f"an uncorrected record, by {quoted(line)}; a V2 file is corrected")
         if found := _CHANNEL.search(line):
             name = " ".join(found[1].split())
         elif found := _DATA_LINE.match(line):
@@ -79,9 +88,10 @@ def _channels(file: RecordFile) -> list[Channel]:
 def _channel(file: RecordFile, line_number: int, name: str, data_line: re.Match[str]) -> Channel:
     if not name:
         raise file.error(line_number, "no line 'CHAN  1:  90 DEG' above the values")
-    points, time_step, unit = data_line.groups()
+    points, time_step, unit, rest = data_line.groups()
+    factor = file.unit(line_number, f"{unit} {rest}")
     values = file.fixed_width(line_number + 1, int(points), _COLUMNS, _WIDTH)
-    return Channel(name, file.number(line_number, time_step), values, file.unit(line_number, unit))
+    return Channel(name, file.number(line_number, time_step), values, factor)
 
 
 CSMIP = RecordFormat("CSMIP V2", (".v2",), _recognises, _channels)

@@ -9,14 +9,15 @@ import numpy as np
 
 from bmd_rths_core.ground_motion.formats.header import Header
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
 from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 # "#SampleRate(Hz): 50", and empty lines between the parts of the header
 _ENTRY = re.compile(r"(?=#|\s*$)#?([^:]*):?(.*)")
 # "Time U(+); N(+); E(+)": the sign says which sense is positive
-_SEQUENCE = re.compile(r"Time\s+(\w+)\(\+\);\s*(\w+)\(\+\);\s*(\w+)\(\+\)")
+_SEQUENCE = re.compile(r"Time\s+(\w+)\(\+\);\s*(\w+)\(\+\);\s*(\w+)\(\+\)", re.IGNORECASE)
 # Half of the last of three decimals of the time column, and rounding
 _TIME_TOLERANCE = 0.501e-3
 
@@ -49,7 +50,7 @@ def read_cwa(path: str | Path, component: str) -> GroundMotion:
 
 
 def _recognises(file: RecordFile) -> bool:
-    return file.content.startswith(b"#Earthquake Information") and b"\n#DataSequence" in file.content[:4000]
+    return file.begins_with("#earthquake information", "#datasequence")
 
 
 def _channels(file: RecordFile) -> list[Channel]:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
+from bmd_rths_core.ground_motion.formats.units import factor_on_unit
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 _TEXT_LINES = 16
@@ -16,8 +18,8 @@ _TEXT_LINES = 16
 _NUMBER_LINES = 10
 _COLUMNS = 10
 _WIDTH = 8
-_COMPONENT = re.compile(r"Component\s+(\S+)")
-_UNIT = re.compile(r"Acceleration:\s+peak\s+\S+\s+mm/s/s\b")
+_COMPONENT = re.compile(r"Component\s+(\S+)", re.IGNORECASE)
+_UNIT = re.compile(r"Acceleration:\s+peak\s+\S+\s+mm/s/s\b(.*)", re.IGNORECASE)
 
 
 def read_geonet(path: str | Path, component: str) -> GroundMotion:
@@ -47,13 +49,12 @@ def read_geonet(path: str | Path, component: str) -> GroundMotion:
 
 
 def _recognises(file: RecordFile) -> bool:
-    first, _, _ = file.content.partition(b"\n")
-    return first.startswith(b"Corrected accelerogram") and b"\nComponent" in file.content[:3000]
+    return file.begins_with("corrected accelerogram", "component")
 
 
 def _channels(file: RecordFile) -> list[Channel]:
     channels = []
-    line_number = 1
+    line_number = file.first_line
     while line_number <= len(file.lines):
         channel, line_number = _channel(file, line_number)
         channels.append(channel)
@@ -63,18 +64,22 @@ def _channels(file: RecordFile) -> list[Channel]:
 def _channel(file: RecordFile, first_line: int) -> tuple[Channel, int]:
     """Return a component and the number of the line behind it."""
     text = file.lines[first_line - 1 : first_line - 1 + _TEXT_LINES]
-    if not text[0].startswith("Corrected accelerogram"):
+    if not text[0].lower().startswith("corrected accelerogram"):
         raise file.error(first_line, "'Corrected accelerogram' is required, the first line of a component")
     names = [found[1] for line in text if (found := _COMPONENT.match(line))]
     if len(names) != 1:
         raise file.error(
             first_line, f"{len(names)} lines 'Component ...' in {_TEXT_LINES} lines of text; 1 is required"
         )
-    if not any(_UNIT.match(line) for line in text):
+    units = [found[1] for line in text if (found := _UNIT.match(line))]
+    if any(factor_on_unit("mm/s/s", rest) for rest in units):
+        raise file.error(first_line, "a factor on the unit mm/s/s; values in the unit itself are required")
+    if not units:
         raise file.error(first_line, f"no line 'Acceleration: peak ... mm/s/s' in {_TEXT_LINES} lines of text")
 
     numbers_line = first_line + _TEXT_LINES
-    header = file.fixed_width(numbers_line, _NUMBER_LINES * _COLUMNS, _COLUMNS, _WIDTH).reshape(_NUMBER_LINES, _COLUMNS)
+    header = file.fixed_width(numbers_line, _NUMBER_LINES * _COLUMNS, _COLUMNS, _WIDTH, header=True)
+    header = header.reshape(_NUMBER_LINES, _COLUMNS)
     points, time_step = [int(count) for count in header[3, 3:6]], float(header[6, 5])
     if min(points) < 0 or points[0] < 2:
         counts = "acceleration, velocity and displacement"

@@ -27,19 +27,22 @@ class Header:
 
     @cached_property
     def entries(self) -> dict[str, tuple[int, str]]:
-        """Line number and value of each key; the first of two wins."""
+        """Line number and value of each key in upper case; the first of two wins."""
         entries: dict[str, tuple[int, str]] = {}
         for line_number, line in enumerate(self.file.lines, 1):
+            if line_number < self.file.first_line:
+                continue
             found = self.pattern.fullmatch(line)
             if found is None:
                 break
-            entries.setdefault(found[1].strip(), (line_number, found[2].strip()))
+            entries.setdefault(_key(found[1]), (line_number, found[2].strip()))
         return entries
 
     @property
     def first_line_behind(self) -> int:
         """Number of the line behind the header."""
-        ends = (n for n, line in enumerate(self.file.lines, 1) if self.pattern.fullmatch(line) is None)
+        first = self.file.first_line
+        ends = (n for n, line in enumerate(self.file.lines[first - 1 :], first) if self.pattern.fullmatch(line) is None)
         return next(ends, len(self.file.lines) + 1)
 
     def text(self, key: str) -> tuple[int, str]:
@@ -48,16 +51,16 @@ class Header:
         Parameters
         ----------
         key : str
-            As the file spells it.
+            As the file spells it, in any case.
 
         Raises
         ------
         InputError
             The header does not have it.
         """
-        if key not in self.entries:
+        if _key(key) not in self.entries:
             raise InputError(f"{self.file.path}: no header line {key!r} before line {self.first_line_behind}")
-        return self.entries[key]
+        return self.entries[_key(key)]
 
     def positive(self, key: str, unit: str = "") -> float:
         """Return the number > 0 of a key.
@@ -75,7 +78,8 @@ class Header:
             The header does not have it, or it is no finite number > 0.
         """
         line_number, text = self.text(key)
-        value = self.file.number(line_number, text.removesuffix(unit).strip())
+        without_unit = text[: -len(unit)] if unit and text.lower().endswith(unit.lower()) else text
+        value = self.file.number(line_number, without_unit.strip())
         if value <= 0.0:
             raise self.file.error(line_number, f"{key} {text}; a number > 0 is required")
         return value
@@ -95,3 +99,8 @@ class Header:
         """
         line_number, text = self.text(key)
         return self.file.unit(line_number, text)
+
+
+def _key(text: str) -> str:
+    """Return a key as it is compared: in upper case, with single blanks."""
+    return " ".join(text.upper().split())

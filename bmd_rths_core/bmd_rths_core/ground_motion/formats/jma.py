@@ -7,12 +7,13 @@ from pathlib import Path
 
 from bmd_rths_core.ground_motion.formats.header import Header
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile
-from bmd_rths_core.ground_motion.formats.record_format import FROM_FILE, Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.record_format import Channel, RecordFormat
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
 from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 # " SAMPLING RATE= 100Hz"
-_ENTRY = re.compile(r"\s*([A-Z][A-Z. ]*)=(.*)")
+_ENTRY = re.compile(r"\s*([A-Za-z][A-Za-z. ]*)=(.*)")
 
 
 def read_jma(path: str | Path, component: str) -> GroundMotion:
@@ -41,7 +42,7 @@ def read_jma(path: str | Path, component: str) -> GroundMotion:
 
 
 def _recognises(file: RecordFile) -> bool:
-    return file.content.lstrip().startswith(b"SITE CODE") and b"SAMPLING RATE" in file.content[:2000]
+    return file.begins_with("site code", "sampling rate")
 
 
 def _channels(file: RecordFile) -> list[Channel]:
@@ -51,7 +52,7 @@ def _channels(file: RecordFile) -> list[Channel]:
     line_number = header.first_line_behind
     line = file.lines[line_number - 1] if line_number <= len(file.lines) else ""
     names = [name.strip() for name in line.split(",")]
-    if not all(re.fullmatch("[A-Z]+", name) for name in names):
+    if not all(re.fullmatch("[A-Za-z]+", name) for name in names):
         raise file.error(line_number, f"columns {quoted(line)}; 'NS,EW,UD' is required")
     rows = file.table(line_number + 1, columns=len(names), separator=",")
     return [Channel(name, time_step, rows[:, i], unit) for i, name in enumerate(names)]

@@ -14,9 +14,9 @@ from bmd_rths_core.ground_motion.formats.units import quoted
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 # "Sampling Freq(Hz) 100Hz": the key has 17 columns
-_ENTRY = re.compile(r"([A-Z].{0,16})(.*)")
+_ENTRY = re.compile(r"([A-Za-z].{0,16})(.*)")
 # "3920(gal)/6170801"
-_SCALE = re.compile(r"([0-9.]{1,20})\s*\(gal\)\s*/\s*([0-9.]{1,20})")
+_SCALE = re.compile(r"([0-9.]{1,20})\s*\(gal\)\s*/\s*([0-9.]{1,20})", re.IGNORECASE)
 # Direction numbers of KiK-net
 _DIRECTIONS = {
     "1": "N-S borehole", "2": "E-W borehole", "3": "U-D borehole",
@@ -50,7 +50,7 @@ def read_knet(path: str | Path) -> GroundMotion:
 
 
 def _recognises(file: RecordFile) -> bool:
-    return file.content.startswith(b"Origin Time") and b"\nScale Factor" in file.content[:2000]
+    return file.begins_with("origin time", "scale factor")
 
 
 def _channels(file: RecordFile) -> list[Channel]:
@@ -68,7 +68,12 @@ def _channels(file: RecordFile) -> list[Channel]:
     file.check_count(len(counts), round(points, 6), "duration times sampling frequency is")
     direction = header.text("Dir.")[1]
     with np.errstate(over="ignore", invalid="ignore"):  # what becomes infinite is refused
-        gal = (counts - np.mean(counts)) * (numerator / denominator)
+        # A dead channel is exactly zero: the rounding of its mean would be scaled to a peak like a signal.
+        gal = (
+            (counts - np.mean(counts)) * (numerator / denominator)
+            if counts.size and np.ptp(counts)
+            else np.zeros_like(counts)
+        )
     return [Channel(_DIRECTIONS.get(direction, direction), 1.0 / frequency, gal, 0.01)]
 
 

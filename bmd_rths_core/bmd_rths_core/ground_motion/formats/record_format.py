@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Callable
@@ -13,17 +14,16 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.record_file import RecordFile, read_file
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY, Stated
 from bmd_rths_core.ground_motion.formats.units import listed, quoted, unit_factor
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
-#: The component of a file that has only one.
-ONLY = "only"
-
-#: The unit of a file that states it.
-FROM_FILE = "from_file"
-
 #: Units a person may give for a file that states none.
 UNIT_CHOICES = (FROM_FILE, "g", "m/s2", "cm/s2", "gal")
+
+#: Largest acceleration that is read as one of the ground [m/s²]. The largest recorded is 43 m/s² (Iwate-Miyagi 2008,
+#: IWTH25, all components; Aoi, Kunugi & Fujiwara 2008, Science 322).
+LARGEST_ACCELERATION = 100.0
 
 
 @dataclass(frozen=True, eq=False)  # arrays have no single truth value, so == compares identity
@@ -34,18 +34,27 @@ class Channel:
     ----------
     component : str
         Its name in the file, "" when the file does not name it.
-    time_step : float
-        Time between two points [s].
+    time_step : float or None
+        Time between two points [s], None when the file does not state it.
     values : ndarray, shape (N,)
         Ground acceleration in the unit of the file.
     unit : float or None
         That unit in m/s², None when the file does not state it.
+    uncorrected : str
+        Where the file says that its baseline is not corrected, "" when it does not.
+    alias : str
+        Another name by which the component may be asked for, "" without one.
+    note : str
+        What a person should know of the file, "" when there is nothing.
     """
 
     component: str
-    time_step: float
+    time_step: float | None
     values: NDArray[np.float64]
     unit: float | None
+    uncorrected: str = ""
+    alias: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,21 +122,19 @@ class RecordFormat:
         InputError
             The file cannot be read or understood, or component or unit are missing or contradict it.
         """
-        file = read_file(path)
-        return choose(file, self.channels(file), component, unit)
+        file = read_file(path, Stated(component, unit))
+        return choose(file, self.channels(file))
 
 
-def choose(file: RecordFile, channels: list[Channel], component: str, unit: str) -> GroundMotion:
-    """Return one component of a file.
+def choose(file: RecordFile, channels: list[Channel]) -> GroundMotion:
+    """Return the component of a file that is asked for.
 
     Parameters
     ----------
     file : RecordFile
-        The file.
+        The file, and what is stated of it.
     channels : list of Channel
         The components it holds.
-    component, unit : str
-        As in `RecordFormat.read`.
 
     Returns
     -------
@@ -137,17 +144,70 @@ def choose(file: RecordFile, channels: list[Channel], component: str, unit: str)
     Raises
     ------
     InputError
-        Component or unit are missing or contradict the file.
+        Component, unit or time step are missing or contradict the file, or it is not corrected.
     """
-    channel = _chosen(file, channels, component)
+    channel = _chosen(file, channels, file.stated.component)
+    unit = file.stated.unit
     if channel.unit is None and unit == FROM_FILE:
-        raise InputError(f"{file.path}: the file states no unit; ground_motion.unit must give it: {_units()}")
+        also = " and no time step" if channel.time_step is None and not file.stated.time_step else ""
+        of_time = "; ground_motion.record_time_step (--dt) must give this in s" if also else ""
+        problem = f"ground_motion.unit must give it: {_units()} (--unit){of_time}"
+        raise InputError(f"{file.path}: the file states no unit{also}; {problem}")
     if channel.unit is not None and unit != FROM_FILE:
         raise InputError(f"{file.path}: the file states its unit; ground_motion.unit is {unit!r}, not {FROM_FILE!r}")
-    factor = channel.unit if channel.unit is not None else unit_factor(unit)
-    if factor is None:
+    if channel.time_step is not None and file.stated.time_step > 0.0:
+        problem = f"ground_motion.record_time_step (--dt) is {file.stated.time_step:g} s, not 0"
+        raise InputError(f"{file.path}: the file states its time step, {channel.time_step:g} s; {problem}")
+    check_corrected(file, channel)
+    channel = stated_channel(file, channel)
+    if channel.unit is None:
         raise InputError(f"ground_motion.unit: {unit!r} is not allowed; {_units()} is required")
-    return to_motion(file, channel, factor, several=len(channels) > 1)
+    return to_motion(file, channel, channel.unit, several=len(channels) > 1)
+
+
+def stated_channel(file: RecordFile, channel: Channel) -> Channel:
+    """Return a component with the time step and the unit a person states, where the file states none.
+
+    Parameters
+    ----------
+    file : RecordFile
+        The file, and what is stated of it.
+    channel : Channel
+        A component of it.
+
+    Raises
+    ------
+    InputError
+        Neither states a time step.
+    """
+    stated = file.stated
+    time_step = channel.time_step if channel.time_step is not None else stated.time_step
+    if time_step == 0.0 and channel.time_step is None:
+        raise InputError(
+            f"{file.path}: the file states no time step; ground_motion.record_time_step (--dt) must give it"
+        )
+    unit = channel.unit if channel.unit is not None or stated.unit == FROM_FILE else unit_factor(stated.unit)
+    return replace(channel, time_step=time_step, unit=unit)
+
+
+def check_corrected(file: RecordFile, channel: Channel) -> None:
+    """Check that the baseline of a component is corrected, or will be.
+
+    Parameters
+    ----------
+    file : RecordFile
+        The file, and what is stated of it.
+    channel : Channel
+        A component of it.
+
+    Raises
+    ------
+    InputError
+        It is neither.
+    """
+    if channel.uncorrected and not file.stated.high_pass:
+        problem = f"{channel.uncorrected}: an uncorrected record; ground_motion.high_pass_frequency > 0 is required"
+        raise InputError(f"{file.path}: {problem}")
 
 
 def to_motion(file: RecordFile, channel: Channel, factor: float, several: bool) -> GroundMotion:
@@ -169,9 +229,20 @@ def to_motion(file: RecordFile, channel: Channel, factor: float, several: bool) 
     InputError
         Its time step is not a finite number > 0, or it is not two or more finite numbers.
     """
+    if channel.time_step is None:
+        raise InputError(
+            f"{file.path}: the file states no time step; ground_motion.record_time_step (--dt) must give it"
+        )
     suffix = "_" + re.sub(r"[^A-Za-z0-9.+-]+", "_", channel.component).strip("_") if several else ""
     with np.errstate(over="ignore"):  # what becomes infinite is refused
         acceleration = channel.values * factor
+    peak = float(np.max(np.abs(acceleration), initial=0.0))
+    if channel.unit is not None and LARGEST_ACCELERATION < peak < math.inf:
+        point = int(np.argmax(np.abs(acceleration))) + 1
+        problem = (
+            f"{peak:.4g} m/s² at point {point} is no ground acceleration; at most {LARGEST_ACCELERATION:g} m/s² is read"
+        )
+        raise InputError(f"{file.path}: {problem}. Is the unit right?")
     return GroundMotion(file.path.stem + suffix, channel.time_step, acceleration, str(file.path), file.sha256)
 
 
@@ -183,6 +254,7 @@ def _chosen(file: RecordFile, channels: list[Channel], component: str) -> Channe
         problem = f"one component without a name; ground_motion.component is {quoted(component)}, not {ONLY!r}"
         raise InputError(f"{file.path}: {problem}")
     matches = [channel for channel in channels if _same(channel.component, component)]
+    matches = matches or [channel for channel in channels if channel.alias and _same(channel.alias, component)]
     if len(matches) != 1:
         found = f"{len(names)} components" if component == ONLY else f"{len(matches)} components {quoted(component)}"
         raise InputError(f"{file.path}: {found}; ground_motion.component (--component) must be one of {listed(names)}")

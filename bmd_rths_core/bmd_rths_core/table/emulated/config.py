@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import ACCELERATION, DISPLACEMENT, FORCE, SPEED
 
 
 @dataclass(frozen=True)
@@ -44,34 +45,24 @@ class VirtualControllerConfig:
         upper=50.0,
     )
     displacement_limit: float = parameter(
-        0.25,
-        description="Interlock: table displacement",
-        unit="m",
-        source="Chen et al. 2020: stroke",
-        lower=0.0,
-        lower_open=True,
+        0.25, description="Interlock: table displacement", unit="m", source="Chen et al. 2020: stroke", **DISPLACEMENT
     )
     velocity_limit: float = parameter(
-        1.0, description="Interlock: commanded velocity", unit="m/s", source="assumed", lower=0.0, lower_open=True
+        1.0, description="Interlock: commanded velocity", unit="m/s", source="assumed", **SPEED
     )
     acceleration_limit: float = parameter(
-        30.0, description="Interlock: table acceleration", unit="m/s2", source="assumed", lower=0.0, lower_open=True
+        30.0, description="Interlock: table acceleration", unit="m/s2", source="assumed", **ACCELERATION
     )
     force_limit: float = parameter(
-        5e5,
-        description="Interlock: actuator force",
-        unit="N",
-        source="Chen et al. 2020: force capacity",
-        lower=0.0,
-        lower_open=True,
+        5e5, description="Interlock: actuator force", unit="N", source="Chen et al. 2020: force capacity", **FORCE
     )
     tracking_limit: float = parameter(
         0.05,
         description="Interlock: displacement of the table minus the commanded one",
         unit="m",
         source="assumed",
-        lower=0.0,
-        lower_open=True,
+        lower=1e-06,
+        upper=100.0,
     )
 
     def __post_init__(self) -> None:

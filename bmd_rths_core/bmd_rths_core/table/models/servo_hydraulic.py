@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import DAMPING, FORCE, FORCE_NOISE, MASS, SPEED
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
@@ -58,83 +59,70 @@ class ServoHydraulicConfig:
     SECTION: ClassVar[str] = "servo_hydraulic"
 
     force_capacity: float = parameter(
-        5e5,
-        description="Force of the actuator at supply pressure",
-        unit="N",
-        source="Chen et al. 2020",
-        lower=0.0,
-        lower_open=True,
+        5e5, description="Force of the actuator at supply pressure", unit="N", source="Chen et al. 2020", **FORCE
     )
     stroke: float = parameter(
         0.25,
         description="Displacement at which the end stops begin",
         unit="m",
         source="Chen et al. 2020",
-        lower=0.0,
-        lower_open=True,
+        lower=0.001,
+        upper=100.0,
     )
     supply_pressure: float = parameter(
-        20.7e6, description="Supply pressure", unit="Pa", source="assumed: 3000 psi", lower=0.0, lower_open=True
+        20.7e6, description="Supply pressure", unit="Pa", source="assumed: 3000 psi", lower=100000.0, upper=1000000000.0
     )
     rated_velocity: float = parameter(
         1.0,
         description="Velocity at full valve opening without load: rated flow over piston area",
         unit="m/s",
         source="assumed",
-        lower=0.0,
-        lower_open=True,
+        **SPEED,
     )
     bulk_modulus: float = parameter(
         7e8,
         description="Effective bulk modulus of the oil",
         unit="Pa",
         source="assumed; usual with hoses and air",
-        lower=0.0,
-        lower_open=True,
+        lower=10000000.0,
+        upper=100000000000.0,
     )
     oil_volume: float = parameter(
         0.0133,
         description="Oil under pressure in both chambers and lines",
         unit="m3",
         source="assumed: piston area times both strokes, and 10 %",
-        lower=0.0,
-        lower_open=True,
+        lower=1e-07,
+        upper=10.0,
     )
     leakage: float = parameter(
-        1e-11, description="Leakage across the piston", unit="m3/(s Pa)", source="assumed", lower=0.0
+        1e-11, description="Leakage across the piston", unit="m3/(s Pa)", source="assumed", lower=0.0, upper=1e-06
     )
-    platen_mass: float = parameter(
-        5000.0, description="Mass of platen and piston", unit="kg", source="assumed", lower=0.0, lower_open=True
-    )
+    platen_mass: float = parameter(5000.0, description="Mass of platen and piston", unit="kg", source="assumed", **MASS)
     viscous_damping: float = parameter(
-        10e3, description="Viscous damping of bearings and seals", unit="N s/m", source="assumed", lower=0.0
+        10e3, description="Viscous damping of bearings and seals", unit="N s/m", source="assumed", **DAMPING
     )
     coulomb_friction: float = parameter(
-        400.0, description="Coulomb friction of bearings and seals", unit="N", source="assumed", lower=0.0
+        400.0, description="Coulomb friction of bearings and seals", unit="N", source="assumed", **FORCE_NOISE
     )
     valve_frequency: float = parameter(
         400.0,
         description="Natural frequency of the servovalve",
         unit="rad/s",
         source="assumed",
-        lower=0.0,
-        lower_open=True,
+        lower=1.0,
+        upper=100000.0,
     )
     valve_damping_ratio: float = parameter(
-        0.7,
-        description="Damping ratio of the servovalve",
-        unit="1",
-        source="assumed",
-        lower=0.0,
-        lower_open=True,
+        0.7, description="Damping ratio of the servovalve", unit="1", source="assumed", lower=0.01, upper=10.0
     )
     proportional_gain: float = parameter(
         36.0,
         description="Valve velocity per displacement error",
         unit="1/s",
         source="tuned: 26 ms of delay, gain 0.62 at 15 Hz",
-        lower=0.0,
-        lower_open=True,
+        lower=0.001,
+        upper=100000.0,
     )
     integral_gain: float = parameter(
         0.2,
@@ -142,6 +130,7 @@ class ServoHydraulicConfig:
         unit="1/s2",
         source="assumed",
         lower=0.0,
+        upper=100000.0,
     )
     velocity_feedforward: float = parameter(
         0.0,
@@ -157,6 +146,7 @@ class ServoHydraulicConfig:
         unit="s",
         source="tuned: 26 ms of delay, gain 0.62 at 15 Hz",
         lower=0.0,
+        upper=10.0,
     )
     washout_frequency: float = parameter(
         0.0628,
@@ -164,6 +154,7 @@ class ServoHydraulicConfig:
         unit="rad/s",
         source="assumed: 0.01 Hz",
         lower=0.0,
+        upper=10000.0,
     )
 
     def __post_init__(self) -> None:

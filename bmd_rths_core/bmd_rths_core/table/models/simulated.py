@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import ADDED_MASS, COEFFICIENT, FORCE_NOISE, NOISE, POLE, POLE_DAMPING
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
@@ -40,30 +41,28 @@ class SimulatedTableConfig:
         description="Real pole of the servo table",
         unit="rad/s",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
-        lower=0.0,
-        lower_open=True,
+        **POLE,
     )
     servo_frequency: float = parameter(
         134.8,
         description="Natural frequency of the oscillatory pair of the servo table",
         unit="rad/s",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
-        lower=0.0,
-        lower_open=True,
+        **POLE,
     )
     servo_damping_ratio: float = parameter(
         0.0508,
         description="Damping ratio of the oscillatory pair of the servo table",
         unit="1",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
-        lower=0.0,
-        lower_open=True,
+        **POLE_DAMPING,
     )
     sections: tuple[float, ...] = parameter(
         (),
         description="Analog sections in series, rows of b2 b1 b0 a2 a1 a0, used when dynamics is sections",
         unit="coefficients of s2, s and 1",
         source="Eq. 9 of Chen et al. 2020 has this form",
+        **COEFFICIENT,
     )
     command_delay: float = parameter(
         0.0,
@@ -78,23 +77,20 @@ class SimulatedTableConfig:
         "interacting servo",
         unit="kg",
         source="fitted to the paper's Tables 2 and 3, docs/decisions/0013",
-        lower=0.0,
+        **ADDED_MASS,
     )
     acceleration_noise: float = parameter(
         0.0524,
         description="Noise of every accelerometer, root mean square",
         unit="m/s2",
         source="Chen et al. 2020",
-        lower=0.0,
+        **NOISE,
     )
     acceleration_resolution: float = parameter(
-        0.0,
-        description="Quantisation step of every accelerometer, 0 for none",
-        unit="m/s2",
-        lower=0.0,
+        0.0, description="Quantisation step of every accelerometer, 0 for none", unit="m/s2", **NOISE
     )
     shear_noise: float = parameter(
-        20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", lower=0.0
+        20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", **FORCE_NOISE
     )
     specimen_stiffness_factor: float = parameter(
         1.0,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import DAMPING, DAMPING_RATIO, MASS, STIFFNESS
 from bmd_rths_core.structure.shear_building import ShearBuilding, stories
 
 
@@ -20,23 +21,21 @@ class SpecimenConfig:
         description="Floor masses from the table up: control layer, superstructure",
         unit="kg",
         source="Chen et al. 2020, Table 1",
-        lower=0.0,
-        lower_open=True,
+        **MASS,
     )
     stiffnesses: tuple[float, ...] = parameter(
         (2495320.0, 4941700.0),
         description="Story stiffnesses from the table up",
         unit="N/m",
         source="Chen et al. 2020, Table 1",
-        lower=0.0,
-        lower_open=True,
+        **STIFFNESS,
     )
     damping_coefficients: tuple[float, ...] = parameter(
         (3330.0, 78.0),
         description="Story damping coefficients from the table up",
         unit="N s/m",
         source="Chen et al. 2020, Table 1",
-        lower=0.0,
+        **DAMPING,
     )
 
     identified_frequency: float = parameter(
@@ -46,6 +45,7 @@ class SpecimenConfig:
         unit="rad/s",
         source="Chen et al. 2020: 5.94 Hz",
         lower=0.0,
+        upper=100000.0,
     )
     identified_damping_ratio: float = parameter(
         0.0214,
@@ -53,7 +53,7 @@ class SpecimenConfig:
         "0 takes that of the stories",
         unit="1",
         source="Chen et al. 2020: 2.14 %",
-        lower=0.0,
+        **DAMPING_RATIO,
     )
 
     def __post_init__(self) -> None:
