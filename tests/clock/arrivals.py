@@ -60,11 +60,13 @@ class ArrivalController:
         Floors of the rigid specimen.
     lost : callable, optional
         Step to whether its answer is lost.
+    floor_gain : float
+        Part of the acceleration of the table that the floors have; the loop is unstable when it is large.
     """
 
-    def __init__(self, answer_after=0.003, floors=2, lost=lambda step: False):
+    def __init__(self, answer_after=0.003, floors=2, lost=lambda step: False, floor_gain=1.0):
         self.arrivals: list[Arrival] = []
-        self._answer_after, self._floors, self._lost = answer_after, floors, lost
+        self._answer_after, self._floors, self._lost, self._floor_gain = answer_after, floors, lost, floor_gain
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._socket.bind(("127.0.0.1", 0))
@@ -130,6 +132,9 @@ class ArrivalController:
         self._answer(packet, sender)
         return True
 
+    def _noise(self):
+        return [self._random.gauss(0.0, 1e-3) for _ in range(self._floors)]
+
     def _hold(self, until, then):
         duration = until - self._at
         self._x += duration * (self._v + 0.5 * duration * self._a)
@@ -149,7 +154,9 @@ class ArrivalController:
             acceleration=self._a + self._random.gauss(0.0, 1e-3),
             actuator_force=0.0,
             base_shear=math.nan,
-            floor_accelerations=tuple(self._a + self._random.gauss(0.0, 1e-3) for _ in range(self._floors)),
+            floor_accelerations=tuple(
+                self._floor_gain * self._a + self._random.gauss(0.0, 1e-3) for _ in range(self._floors)
+            ),
             session=packet.session,
         )
         self._socket.sendto(encode_controller_packet(answer), sender)
