@@ -92,6 +92,12 @@ class SimulatedTableConfig:
     shear_noise: float = parameter(
         20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", **FORCE_NOISE
     )
+    displacement_noise: float = parameter(
+        5e-5, description="Noise of the table displacement, root mean square", unit="m", source="assumed", lower=0.0
+    )
+    force_noise: float = parameter(
+        20.0, description="Noise of the actuator force, root mean square", unit="N", source="assumed", lower=0.0
+    )
     specimen_stiffness_factor: float = parameter(
         1.0,
         description="Stiffness of every story of the simulated specimen over that of its model, the section specimen",
@@ -119,7 +125,8 @@ class SimulatedTableConfig:
         seed : int
             Seed of the noise.
         """
-        return Sensors(floors, self.acceleration_noise, self.acceleration_resolution, self.shear_noise, seed)
+        accelerations = self.acceleration_noise, self.acceleration_resolution
+        return Sensors(floors, *accelerations, self.shear_noise, self.displacement_noise, self.force_noise, seed)
 
     def specimen(self, model: ShearBuilding) -> ShearBuilding:
         """Return what stands on the simulated table: a specimen that is not quite its model.
