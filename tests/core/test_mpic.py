@@ -259,7 +259,7 @@ def test_a_lost_measurement_is_bridged_and_another_step_is_no_news():
         control.reset()
         control.step(ground)
         for entry in news:
-            control.observe(entry)
+            control.learn(entry)
         return control.step(ground)
 
     bridged = second()
@@ -278,7 +278,7 @@ def test_a_command_that_was_not_applied_is_known():
     for k in range(400):
         commands.append(control.step(ground).command)
         applied = 0.5 if k == 100 else commands[-1]
-        control.observe(table.exchange(TableCommand(k, applied)))
+        control.learn(table.exchange(TableCommand(k, applied)))
     assert max(map(abs, commands[:101])) == 0.0
     assert np.abs(table.motion.acceleration) < 1e-3
     predicted = control._state[control._layout.plant][-2]  # displacement as predicted, next to the true one

@@ -112,7 +112,7 @@ class CommandShaper:
         self._z2 = self._b2 * desired_acceleration - self._a2 * command
         return command
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Do without: the lead is constant."""
 
     def state_space(self) -> DiscreteStateSpace:

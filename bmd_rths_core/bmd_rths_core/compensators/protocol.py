@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 class Shaper(Protocol):
     """Turn the desired acceleration into the command of the table; the rest of the chain stays as it is.
 
-    Called as `step`, then `observe` with the measurement of that step where there is one. Reads no clock, logs nothing.
+    Called as `step`, then `learn` with the measurement of that step where there is one. Reads no clock, logs nothing.
     """
 
     def reset(self) -> None:
@@ -32,7 +32,7 @@ class Shaper(Protocol):
     def step(self, desired_acceleration: float) -> float:
         """Return the command of this step [m/s²] for the absolute interface acceleration [m/s²]."""
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Take in what the sensors said at the end of a step; a step whose measurement is lost has no call."""
 
     def state_space(self) -> DiscreteStateSpace | None:
@@ -41,7 +41,7 @@ class Shaper(Protocol):
         Returns
         -------
         DiscreteStateSpace or None
-            Input desired acceleration [m/s²], and where the shaper observes, the accelerations of table and n floors
+            Input desired acceleration [m/s²], and where the shaper learns, the accelerations of table and n floors
             [m/s²], base shear [N], displacement [m] and actuator force [N] at the end of the step before. Output
             command [m/s²].
         """
@@ -88,7 +88,7 @@ class LinearControl(NamedTuple):
 class InterfaceControl(Protocol):
     """Own the numerical substructure and the command; takes the place of both stages.
 
-    Called as `step`, then `observe` with the measurement of that step where there is one. A step without measurement
+    Called as `step`, then `learn` with the measurement of that step where there is one. A step without measurement
     is bridged by the models. Reads no clock, logs nothing.
 
     Attributes
@@ -114,7 +114,7 @@ class InterfaceControl(Protocol):
             a_g of this step and of those after it [m/s²]; zero after the end of the motion.
         """
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Take in what the sensors said at the end of a step; a step whose measurement is lost has no call."""
 
     def state_space(self) -> LinearControl | None:

@@ -37,7 +37,7 @@ class Responses:
     floors : ndarray, shape (N, n)
         Measured absolute accelerations of the floors, from the table up [m/s²].
     source : str
-            Where the responses come from, in words.
+        Text that says where the responses come from.
     displacement, shear : ndarray, shape (N,), optional
         Measured displacement of the table [m] and interface shear from load cells [N]; NaN without a sensor.
     """
@@ -78,7 +78,7 @@ class _Excitation:
         """Ask for the command of this step."""
         return Begun(0, ground_acceleration, ground_acceleration, feedback_force, ground_acceleration)
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Do without."""
 
 

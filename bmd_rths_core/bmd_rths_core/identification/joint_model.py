@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -24,8 +24,12 @@ from bmd_rths_core.identification.frequency_response import ComplexArray, FloatA
 from bmd_rths_core.identification.specimen_model import SpecimenModel, floor_transmissibility
 from bmd_rths_core.identification.spectral_lines import TAPER, averaged_response, tapered_transform
 from bmd_rths_core.identification.table_model import TableModel
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.structure.shear_building import ShearBuilding
-from bmd_rths_core.table.models.dynamics import SECTION_LENGTH
+from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
+from bmd_rths_core.table.models.held_plant import held_plant
+from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
 
 #: Parameters of the servo in front of those of the stories.
 SERVO = ("gain", "servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass", "command_delay")
@@ -126,12 +130,12 @@ def identify_joint(
     lines = _Lines(responses, band)
     masses = np.asarray(specimen.building.masses)
     stories = np.concatenate((specimen.building.stiffnesses, np.maximum(specimen.building.damping_coefficients, 1.0)))
-    servo = min((_table_fit(lines, servo_response, v, masses, stories) for v in _starts(masses)), key=_Fit.cost)
-    sections = _Sections(table.sections, table.rational.delay)
+    servo, sections = _Servo(), _Sections(table.sections, table.rational.delay)
+    alone = min((_table_fit(lines, servo, first, masses, stories) for first in _starts(masses)), key=_Fit.cost)
     chain = _table_fit(lines, sections, sections.values, masses, stories)
     fits: list[tuple[_Fit, _Sections | None]] = []
-    if servo.cost() < _COMPETES * chain.cost():
-        fits.append((_joint_fit(lines, servo_response, servo.values, masses, stories), None))
+    if alone.cost() < _COMPETES * chain.cost():
+        fits.append((_joint_fit(lines, servo, alone.values, masses, stories), None))
     fits.append((_joint_fit(lines, sections, chain.values, masses, stories), sections))
     return _model(lines, masses, *min(fits, key=lambda pair: pair[0].criterion()))
 
@@ -179,6 +183,7 @@ class _Lines:
         length = len(responses.command)
         window = tukey(length, min(1.0, 2.0 * TAPER / (length * responses.time_step)))
         self.power = float(np.sum(window**2))
+        self._responses, self._averaged = responses, averaged
         drives = {"displacement_noise": responses.displacement, "shear_noise": responses.shear}
         self.drives = {
             name: tapered_transform(signal[:, None], responses.time_step, averaged)[1][:, 0]
@@ -202,9 +207,41 @@ class _Lines:
         """
         return np.asarray((self.accelerations - (table * self.command)[:, None] * directions) / np.sqrt(self.power))
 
+    def simulated_difference(self, plant: Plant, delay: float) -> ComplexArray:
+        """Return the same for a plant that is simulated with the recorded command: nothing leaks at the ends."""
+        measured, time_step = self._responses, self._responses.time_step
+        held = held_plant(plant, delay, time_step)
+        moving = np.delete(np.arange(len(held.transition)), [held.displacement, held.displacement + 1])
+        a, b = held.transition[np.ix_(moving, moving)], held.command[moving]
+        rows = held.output[:-1][:, moving]
+        simulation = LinearSimulation(DiscreteStateSpace(a, b, rows @ a, rows @ b), np.zeros((len(a), 1)))
+        simulated = simulation.advance(measured.command[:, None])[0].T
+        left = np.column_stack((measured.table, measured.floors)) - simulated
+        return np.asarray(tapered_transform(left, time_step, self._averaged)[1] / np.sqrt(self.power))
 
-#: Response of a table over its frequencies, by its values and the apparent mass of the specimen.
-_Response = Callable[[FloatArray, FloatArray, ComplexArray], ComplexArray]
+
+class _Table(Protocol):
+    """A structure of the table, with values to be found."""
+
+    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+        """Return the response from command to acceleration under a specimen of this apparent mass."""
+
+    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
+        """Return table and specimen as one system, and the pure delay [s]."""
+
+
+class _Servo:
+    """A third-order servo that the specimen pulls at; its values are those of `SERVO`."""
+
+    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+        """Return the response of the servo."""
+        return servo_response(frequencies, values, apparent_mass)
+
+    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
+        """Return servo and specimen."""
+        gain, pole, frequency, damping, mass, delay = values.tolist()
+        plant = interacting_plant(pole, frequency, damping, mass, specimen)
+        return plant._replace(b=gain * plant.b), delay
 
 
 class _Sections:
@@ -218,7 +255,7 @@ class _Sections:
         self._free = (self._rows != 0.0) & ~leading
         self.values: FloatArray = self._rows[self._free]
 
-    def __call__(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
         """Return the response, which does not depend on the specimen."""
         s = 1j * frequencies
         powers = np.vstack((s**2, s, np.ones_like(s)))
@@ -230,6 +267,10 @@ class _Sections:
         rows: FloatArray = self._rows.copy()
         rows[self._free] = values
         return rows
+
+    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
+        """Return sections and specimen."""
+        return driven_plant(series(tuple(self.rows(values).ravel().tolist())), specimen), self._delay
 
     @property
     def delay(self) -> float:
@@ -264,27 +305,23 @@ def _starts(masses: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _table_fit(lines: _Lines, response: _Response, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
+def _table_fit(lines: _Lines, table: _Table, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
     """Return the table that fits best with stories that are kept."""
     directions = floor_transmissibility(lines.s, masses, stories)
     apparent = directions[:, 1:] @ masses
     return _least_squares(
-        first, lambda values: lines.difference(response(lines.frequencies, values, apparent), directions)
+        first, lambda values: lines.difference(table.response(lines.frequencies, values, apparent), directions)
     )
 
 
-def _joint_fit(lines: _Lines, response: _Response, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
-    """Return table and stories that fit best together."""
-    known: dict[bytes, ComplexArray] = {}
+def _joint_fit(lines: _Lines, table: _Table, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
+    """Return table and stories that fit best together, by simulation of the whole record."""
 
     def difference(values: FloatArray) -> ComplexArray:
-        table, own = np.split(values, [len(first)])
-        key = own.tobytes()
-        if key not in known:  # a search changes one value after the other: most leave the stories as they are
-            known.clear()
-            known[key] = floor_transmissibility(lines.s, masses, own)
-        directions = known[key]
-        return lines.difference(response(lines.frequencies, table, directions[:, 1:] @ masses), directions)
+        own, of_stories = np.split(values, [len(first)])
+        stiffness, damping = np.split(of_stories, 2)
+        specimen = ShearBuilding(tuple(masses.tolist()), tuple(stiffness.tolist()), tuple(damping.tolist()))
+        return lines.simulated_difference(*table.plant(own, specimen))
 
     return _least_squares(np.concatenate((first, stories)), difference)
 

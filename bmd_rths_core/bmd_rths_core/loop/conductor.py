@@ -81,7 +81,7 @@ class NumericalStage(Protocol):
             Shear fed back at the step before [N].
         """
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Take in what the sensors said at the end of a step."""
 
 

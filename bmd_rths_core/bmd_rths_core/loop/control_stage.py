@@ -45,6 +45,6 @@ class ControlStage:
         self._step = begin + 1
         return self._control.step(self._ground[begin : begin + self._length])
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Pass the sensors on."""
-        self._control.observe(measurement)
+        self._control.learn(measurement)

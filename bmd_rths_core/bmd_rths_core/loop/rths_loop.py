@@ -138,8 +138,8 @@ class RthsLoop:
 
     def _on_measurement(self, measurement: TableMeasurement) -> None:
         step, signals = measurement.step, self._signals
-        self._numerical.observe(measurement)
-        self._command_shaper.observe(measurement)
+        self._numerical.learn(measurement)
+        self._command_shaper.learn(measurement)
         shear = self._shear_estimator.step(measurement)
         feedback = self._force_correction.step(self._required.pop(step), shear)
         signals["applied_command"][step] = measurement.applied_command

@@ -98,7 +98,7 @@ class NonlinearSubstructure:
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Do without: the shear that is fed back is all it takes."""
 
     def state_space(self) -> DiscreteStateSpace:

@@ -67,7 +67,7 @@ class MpicControl:
         desired, force, command = self._result[:3].tolist()
         return InterfaceDemand(desired, force, command)
 
-    def observe(self, measurement: TableMeasurement) -> None:
+    def learn(self, measurement: TableMeasurement) -> None:
         """Take in the sensors of the last step; with a missing value only the command that was applied counts."""
         if measurement.step != self._steps - 1:
             return

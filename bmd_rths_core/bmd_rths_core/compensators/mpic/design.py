@@ -39,7 +39,8 @@ def design(known: Known) -> PackedStep:
         raise InputError("nonlinear.integration: scheme mpic requires 'exact', a linear numerical substructure")
     plant = held_plant(known.table, known.command_delay, known.time_step)
     building = virtual_building(known.numerical, known.specimen, known.feedback_scale, known.time_step)
-    error = ModelError(settings.command_error, settings.model_error)
+    unmodelled = settings.model_error if known.load_cell else settings.model_error_accelerometers
+    error = ModelError(settings.command_error, unmodelled)
     estimation = observer(plant, building, known.specimen, known.noise, known.load_cell, error)
     weights = TrackingWeights(settings.floor_weight, settings.command_weight, settings.centring_frequency)
     driving = tracking(error_system(plant, building, known.time_step), weights, settings.preview)
