@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import POSITIVE_FACTOR, VARIANCE
 
 
 @dataclass(frozen=True)
@@ -16,28 +17,25 @@ class MpicConfig:
 
     model_error: float = parameter(
         0.25,
-        description="With load cells: unmodelled acceleration of every floor the observer assumes, root mean square, "
-        "white over the steps; the larger, the more of a change of the specimen is followed (capture), and of the noise",
+        description="Unmodelled acceleration of every floor the observer assumes with load cells, root mean square, "
+        "white over the steps; the larger, the more of a change of the specimen is followed, and of the noise",
         unit="m/s2",
         source="tuned for a capture above 0.95",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
     model_error_accelerometers: float = parameter(
         0.03,
         description="The same without load cells, where the noise of the shear is larger and the model counts for more",
         unit="m/s2",
         source="tuned for the error; the capture is told",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
     command_error: float = parameter(
         0.01,
         description="Error of the command as it acts on the table the observer assumes, root mean square",
         unit="m/s2",
         source="tuned on the simulated table",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
     preview: int = parameter(
         3,
@@ -53,22 +51,22 @@ class MpicConfig:
         unit="1",
         source="tuned on the simulated table",
         lower=0.0,
+        upper=1e4,
     )
     command_weight: float = parameter(
         1e-3,
         description="Weight of the command relative to the interface in the cost of the tracking",
         unit="1",
         source="tuned on the simulated table",
-        lower=0.0,
-        lower_open=True,
+        **POSITIVE_FACTOR,
     )
     centring_frequency: float = parameter(
         1.5708,
         description="Frequency below which the displacement of the table counts more than its acceleration",
         unit="rad/s",
         source="assumed: 0.25 Hz, well below the first mode",
-        lower=0.0,
-        lower_open=True,
+        lower=1e-3,
+        upper=100.0,
     )
 
     def __post_init__(self) -> None:

@@ -7,6 +7,18 @@ from typing import ClassVar
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.physical_bounds import (
+    COEFFICIENT,
+    DAMPING,
+    DISPLACEMENT_VARIANCE,
+    FORCE_VARIANCE,
+    MASS,
+    POLE,
+    POLE_DAMPING,
+    POSITIVE_FACTOR,
+    STIFFNESS,
+    VARIANCE,
+)
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import series
 from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
@@ -25,45 +37,38 @@ class IdentifiedModelConfig:
         choices=("none", "interacting_servo", "sections"),
     )
     gain: float = parameter(
-        1.0,
-        description="Gain of the servo at zero frequency",
-        unit="1",
-        source="bmd-rths identify",
-        lower=0.0,
-        lower_open=True,
+        1.0, description="Gain of the servo at zero frequency", unit="1", source="bmd-rths identify", **POSITIVE_FACTOR
     )
     servo_real_pole: float = parameter(
-        50.0, description="Real pole of the servo", unit="rad/s", source="bmd-rths identify", lower=0.0, lower_open=True
+        50.0, description="Real pole of the servo", unit="rad/s", source="bmd-rths identify", **POLE
     )
     servo_frequency: float = parameter(
         150.0,
         description="Natural frequency of the oscillatory pair of the servo",
         unit="rad/s",
         source="bmd-rths identify",
-        lower=0.0,
-        lower_open=True,
+        **POLE,
     )
     servo_damping_ratio: float = parameter(
         0.1,
         description="Damping ratio of the oscillatory pair of the servo",
         unit="1",
         source="bmd-rths identify",
-        lower=0.0,
-        lower_open=True,
+        **POLE_DAMPING,
     )
     platen_mass: float = parameter(
         5000.0,
         description="Mass of platen and piston that the specimen pulls at",
         unit="kg",
         source="bmd-rths identify",
-        lower=0.0,
-        lower_open=True,
+        **MASS,
     )
     sections: tuple[float, ...] = parameter(
         (),
         description="Analog sections in series, rows of b2 b1 b0 a2 a1 a0, used when table is sections",
         unit="coefficients of s2, s and 1",
         source="bmd-rths identify",
+        **COEFFICIENT,
     )
     command_delay: float = parameter(
         0.0, description="Pure delay of the command", unit="s", source="bmd-rths identify", lower=0.0, upper=1.0
@@ -73,39 +78,31 @@ class IdentifiedModelConfig:
         description="Identified story stiffnesses of the specimen; none take those of the section specimen",
         unit="N/m",
         source="bmd-rths identify",
-        lower=0.0,
-        lower_open=True,
+        **STIFFNESS,
     )
     damping_coefficients: tuple[float, ...] = parameter(
         (),
         description="Identified damping coefficients of the specimen, with the stiffnesses",
         unit="N s/m",
         source="bmd-rths identify",
-        lower=0.0,
+        **DAMPING,
     )
     acceleration_noise: float = parameter(
         0.0524,
         description="Noise of the accelerometers, root mean square",
         unit="m/s2",
         source="Chen et al. 2020",
-        lower=0.0,
-        lower_open=True,
+        **VARIANCE,
     )
     displacement_noise: float = parameter(
         5e-5,
         description="Noise of the displacement of the table, root mean square",
         unit="m",
         source="assumed",
-        lower=0.0,
-        lower_open=True,
+        **DISPLACEMENT_VARIANCE,
     )
     shear_noise: float = parameter(
-        20.0,
-        description="Noise of the load cells, root mean square",
-        unit="N",
-        source="assumed",
-        lower=0.0,
-        lower_open=True,
+        20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", **FORCE_VARIANCE
     )
 
     def __post_init__(self) -> None:
