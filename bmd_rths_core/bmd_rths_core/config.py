@@ -12,7 +12,8 @@ import yaml
 
 from bmd_rths_core.bounded_yaml import read_yaml
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
-from bmd_rths_core.compensators.schemes import SCHEME_NAMES, Scheme
+from bmd_rths_core.compensators.protocol import Compensator
+from bmd_rths_core.compensators.registry import compensator, compensators, settings_sections
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.parameters import build_section, check_parameters, parameter
@@ -25,6 +26,7 @@ from bmd_rths_core.stages.shear_estimator import ShearEstimatorConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig
 from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.emulated.config import VirtualControllerConfig
+from bmd_rths_core.table.models.identified import IdentifiedModelConfig
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
 from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
@@ -46,9 +48,9 @@ class RunConfig:
     )
     scheme: str = parameter(
         "plc_fc",
-        description="Compensation scheme: none, force correction, phase-lead compensation, both",
+        description="Compensator, by its name; docs/compensators.md describes them",
         source="Chen et al. 2020, Table 2",
-        choices=SCHEME_NAMES,
+        choices=tuple(compensators()),
     )
     lockstep: bool = parameter(
         False, description="Start each step when the last one has closed, instead of by the wall clock"
@@ -120,8 +122,10 @@ class Config:
     Parameters
     ----------
     run, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table, simulated_table,
-    virtual_controller, servo_hydraulic, shear_estimator, force_correction, recorder
+    virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder
         See the section classes.
+    compensation : tuple
+        The sections of the other compensators, as the registry finds them; in a file they stand beside the others.
     """
 
     run: RunConfig = dataclasses.field(default_factory=RunConfig)
@@ -135,9 +139,13 @@ class Config:
     simulated_table: SimulatedTableConfig = dataclasses.field(default_factory=SimulatedTableConfig)
     virtual_controller: VirtualControllerConfig = dataclasses.field(default_factory=VirtualControllerConfig)
     servo_hydraulic: ServoHydraulicConfig = dataclasses.field(default_factory=ServoHydraulicConfig)
+    identified_model: IdentifiedModelConfig = dataclasses.field(default_factory=IdentifiedModelConfig)
     shear_estimator: ShearEstimatorConfig = dataclasses.field(default_factory=ShearEstimatorConfig)
     force_correction: ForceCorrectionConfig = dataclasses.field(default_factory=ForceCorrectionConfig)
     recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)
+    compensation: tuple[Any, ...] = dataclasses.field(
+        default_factory=lambda: tuple(SECTIONS[name]() for name in compensation_sections())
+    )
 
     def __post_init__(self) -> None:
         """Check what several sections have to agree on: time steps, and the stability of the integration."""
@@ -150,15 +158,22 @@ class Config:
             NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.run.time_step)
 
     @property
-    def scheme(self) -> Scheme:
-        """The compensation scheme."""
-        return Scheme(self.run.scheme)
+    def compensator(self) -> Compensator:
+        """The compensator of `run.scheme`."""
+        return compensator(self.run.scheme)
+
+    def section(self, name: str) -> Any:
+        """Return a section by its name."""
+        return next((own for own in self.compensation if name == own.SECTION), None) or getattr(self, name)
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as nested plain values; arrays are lists."""
         return {
-            name: {key: list(value) if isinstance(value, tuple) else value for key, value in section.items()}
-            for name, section in dataclasses.asdict(self).items()
+            name: {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in dataclasses.asdict(self.section(name)).items()
+            }
+            for name in SECTIONS
         }
 
     def changed(self, **changes: object) -> Config:
@@ -217,8 +232,14 @@ class Config:
         return merged
 
 
+_OWN: dict[str, type] = {f.name: cast(type, f.default_factory) for f in fields(Config) if f.name != "compensation"}
 #: Section classes by name, in the order of the file.
-SECTIONS: dict[str, type] = {f.name: cast(type, f.default_factory) for f in fields(Config)}
+SECTIONS: dict[str, type] = _OWN | {name: s for name, s in settings_sections().items() if name not in _OWN}
+
+
+def compensation_sections() -> tuple[str, ...]:
+    """Return the names of the sections that are no fields of `Config`: those of compensators, as the registry finds."""
+    return tuple(name for name in SECTIONS if name not in _OWN)
 
 
 def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
@@ -245,7 +266,9 @@ def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
             raise InputError(f"{name}: unknown section; allowed here: {', '.join(SECTIONS)}")
         if not isinstance(values, Mapping):
             raise InputError(f"{name}: {_short(values)} is not a section; parameters with values are required")
-    return Config(**{name: build_section(SECTIONS[name], values) for name, values in mapping.items()})
+    sections: dict[str, Any] = {name: build_section(SECTIONS[name], values) for name, values in mapping.items()}
+    compensation = tuple(sections.pop(name, SECTIONS[name]()) for name in compensation_sections())
+    return Config(**sections, compensation=compensation)
 
 
 def load_config(path: str | Path) -> Config:

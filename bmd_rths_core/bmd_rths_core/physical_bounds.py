@@ -44,7 +44,10 @@ ACCELERATION = Bounds(lower=1e-3, upper=1e5)  # m/s²
 FORCE = Bounds(lower=1.0, upper=1e10)  # N
 FORCE_NOISE = Bounds(lower=0.0, upper=1e9)  # N
 NOISE = Bounds(lower=0.0, upper=1e3)  # m/s²
+DISPLACEMENT_NOISE = Bounds(lower=0.0, upper=1.0)  # m
 VARIANCE = Bounds(lower=1e-9, upper=1e3)  # m/s²
+DISPLACEMENT_VARIANCE = Bounds(lower=1e-9, upper=1.0)  # m
+FORCE_VARIANCE = Bounds(lower=1e-6, upper=1e9)  # N
 FACTOR = Bounds(lower=-1e4, upper=1e4)
 POSITIVE_FACTOR = Bounds(lower=1e-6, upper=1e4)
 COEFFICIENT = Bounds(lower=-1e20, upper=1e20)

@@ -27,6 +27,7 @@ class Substructure:
     """Answers with what it was given, and writes it down."""
 
     displacements = np.zeros(1)
+    takes_feedback = True
 
     def __init__(self):
         self.fed_back, self.resets = [], 0
@@ -36,7 +37,8 @@ class Substructure:
 
     def step(self, ground_acceleration, feedback_force):
         self.fed_back.append(feedback_force)
-        return Begun(0, ground_acceleration, 2.0 * ground_acceleration, 3.0 * ground_acceleration)
+        desired = 2.0 * ground_acceleration
+        return Begun(0, ground_acceleration, desired, 3.0 * ground_acceleration, command=desired)
 
 
 class Indicator:
@@ -146,7 +148,7 @@ def test_steps_begin_by_the_clock_each_with_the_shear_of_the_one_before():
     bench.run()
     assert np.diff(bench.times) == pytest.approx(DT, abs=1e-9)
     assert [begun.step for begun in bench.begun] == list(range(20))
-    assert bench.begun[3] == (3, pytest.approx(0.4), pytest.approx(0.8), pytest.approx(1.2))
+    assert bench.begun[3] == (3, pytest.approx(0.4), pytest.approx(0.8), pytest.approx(1.2), pytest.approx(0.8))
     assert bench.numerical.fed_back == [0.0, *(10.0 * step for step in range(19))]
     assert bench.ended == (Outcome.FINISHED, "end of the ground motion")
     assert bench.now - bench.times[0] == pytest.approx(20 * DT)

@@ -30,7 +30,7 @@ def test_ends_at_rest_within_the_limits(settings):
 
 def test_displacement_is_that_of_a_perfect_simulated_table():
     command = excitation_command(SHORT, DT)
-    config = SimulatedTableConfig(dynamics="perfect", acceleration_noise=0.0, shear_noise=0.0)
+    config = SimulatedTableConfig(dynamics="perfect", displacement_noise=0.0)
     table = SimulatedTable(config, Config().specimen.building(), DT, seed=0)
     measured = [table.exchange(TableCommand(k, a)).table_displacement for k, a in enumerate(command.tolist())]
     assert displacement_of(command, DT) == pytest.approx(np.array(measured), abs=1e-9)

@@ -16,6 +16,8 @@ IDEAL = Config().changed(
     simulated_table__dynamics="perfect",
     simulated_table__acceleration_noise=0.0,
     simulated_table__shear_noise=0.0,
+    simulated_table__displacement_noise=0.0,
+    simulated_table__force_noise=0.0,
 )
 EL_CENTRO = select_ground_motion(Config().ground_motion, 0.005)
 

@@ -53,6 +53,8 @@ def test_perfect_table_tracks_one_step_late_and_floors_are_compared_at_the_time_
         simulated_table__dynamics="perfect",
         simulated_table__acceleration_noise=0.0,
         simulated_table__shear_noise=0.0,
+        simulated_table__displacement_noise=0.0,
+        simulated_table__force_noise=0.0,
     )
     acceleration = np.sin(2 * np.pi * 1.5 * TIME) * np.exp(-(((TIME - 5.0) / 2.0) ** 2))
     record = RthsLoop(config, GroundMotion("pulse", DT, acceleration, "test", "0" * 64)).run()

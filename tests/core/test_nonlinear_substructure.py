@@ -249,6 +249,8 @@ def test_loop_with_a_yielding_substructure_converges_to_its_reference_with_first
             simulated_table__dynamics="perfect",
             simulated_table__acceleration_noise=0.0,
             simulated_table__shear_noise=0.0,
+            simulated_table__displacement_noise=0.0,
+            simulated_table__force_noise=0.0,
         )
         time = np.arange(round(3.0 / dt) + 1) * dt
         acceleration = 3.0 * np.sin(2 * np.pi * 3.1 * time) * np.sin(np.pi * time / 3.0) ** 2

@@ -20,6 +20,8 @@ QUIET = Config().changed(
     simulated_table__dynamics="perfect",
     simulated_table__acceleration_noise=0.0,
     simulated_table__shear_noise=0.0,
+    simulated_table__displacement_noise=0.0,
+    simulated_table__force_noise=0.0,
     run__scheme="uc",
 )
 

@@ -135,7 +135,9 @@ def test_twofold_integration_returns_a_known_displacement_and_half_of_it_at_the_
 
 
 def test_stories_of_a_noise_free_specimen_have_their_configured_stiffness():
-    quiet = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0}
+    quiet = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0} | {
+        f"simulated_table__{name}_noise": 0.0 for name in ("displacement", "force")
+    }
     _, record, config = simulated(20.0, simulated_table__dynamics="perfect", run__scheme="uc", **quiet)
     loops = specimen_loops(record, config).stories
     assert [story.name for story in loops] == ["specimen story 1", "specimen story 2"]

@@ -20,7 +20,15 @@ EIGHT_STORY = load_config(Path(__file__).parents[2] / "config" / "eight_story_bm
 
 
 def quiet(floors=2):
-    return Sensors(floors, acceleration_noise=0.0, acceleration_resolution=0.0, shear_noise=0.0, seed=0)
+    return Sensors(
+        floors,
+        acceleration_noise=0.0,
+        acceleration_resolution=0.0,
+        shear_noise=0.0,
+        displacement_noise=0.0,
+        force_noise=0.0,
+        seed=0,
+    )
 
 
 def make(specimen=SPECIMEN, time_step=DT, **changes):

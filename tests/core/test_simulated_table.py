@@ -16,7 +16,7 @@ from bmd_rths_core.table.models.simulated import SimulatedTable, SimulatedTableC
 
 DT = 0.005
 SPECIMEN = Config().specimen.building()
-QUIET = {"acceleration_noise": 0.0, "shear_noise": 0.0}
+QUIET = {"acceleration_noise": 0.0, "shear_noise": 0.0, "displacement_noise": 0.0, "force_noise": 0.0}
 #: Eq. 9 of the paper, one row a section.
 EQUATION_9 = (
     *(0.0, 0.0, 1.1768e10, 0.0, 1.0, 64.95),

@@ -11,7 +11,9 @@ from bmd_rths_core.table.emulated.true_motion import TrueMotion
 from bmd_rths_core.table.wire import ControllerState
 from tests.faults.rig import Link
 
-QUIET = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0}
+QUIET = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0} | {
+    f"simulated_table__{name}_noise": 0.0 for name in ("displacement", "force")
+}
 
 
 def test_peaks_are_the_largest_absolute_values():

@@ -14,9 +14,10 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
-from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.closed_loop import closed_loop, has_matrices
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import RunRecord, empty_signals, provenance
+from bmd_rths_core.table.models.sensors import noise_streams
 
 FloatArray = NDArray[np.float64]
 
@@ -63,7 +64,8 @@ def is_linear(config: Config) -> bool:
     config : Config
         The whole configuration.
     """
-    return config.nonlinear.integration == "exact" and config.simulated_table.acceleration_resolution == 0.0
+    exact = config.nonlinear.integration == "exact" and config.simulated_table.acceleration_resolution == 0.0
+    return exact and has_matrices(config)
 
 
 def run_motions(config: Config, motions: Sequence[SelectedMotion]) -> list[CampaignRun]:
@@ -109,14 +111,14 @@ class _LinearGroup:
         touched: set[int] = set()
         active = np.arange(len(self._motions))
         steps = np.array([motion.steps for motion in self._motions])
-        first = np.array([motion.acceleration[0] for motion in self._motions])
-        simulation = LinearSimulation(self._loop.system, np.outer(self._loop.start, first))
+        simulation = LinearSimulation(self._loop.system, self._loop.start @ self._first())
         bounds = LimitBounds(self._config, len(active))
-        random = np.random.default_rng(self._config.run.seed)
+        random, drive_random = noise_streams(self._config.run.seed)
         begin = 0
         while len(active):
             length = min(_CHUNK, int(steps[active].max()) - begin)
-            noise = random.standard_normal((length, self._loop.system.b.shape[1] - 1))
+            noise = random.standard_normal((length, self._loop.system.b.shape[1] - 3))
+            noise = np.hstack((noise, drive_random.standard_normal((length, 2))))
             outputs = simulation.advance(self._ground(active, begin, length), noise)
             for i, output in zip(active, outputs, strict=True):
                 kept = self._outputs[i][:, begin : begin + length]
@@ -147,7 +149,14 @@ class _LinearGroup:
             **provenance(config.as_mapping(), motion),
         )
 
+    def _first(self) -> FloatArray:
+        """Return the ground accelerations that the state before step 0 depends on, a column a run."""
+        return self._known(np.arange(len(self._motions)), 0, self._loop.start.shape[1])
+
     def _ground(self, active: NDArray[np.intp], begin: int, length: int) -> FloatArray:
+        return self._known(active, begin + self._loop.preview, length)
+
+    def _known(self, active: NDArray[np.intp], begin: int, length: int) -> FloatArray:
         ground = np.zeros((length, len(active)))
         for column, i in enumerate(active):
             part = self._motions[i].acceleration[begin : begin + length]
@@ -156,6 +165,7 @@ class _LinearGroup:
 
     def _chunk(self, lengths: NDArray[np.intp], outputs: FloatArray) -> SignalChunk:
         signals = {name: outputs[:, self._rows[name]] for name in BOUNDED}
+        signals["corrected_force"] = outputs[:, self._rows["acting_force"]]
         return SignalChunk(lengths, signals, outputs[:, self._displacements])
 
 

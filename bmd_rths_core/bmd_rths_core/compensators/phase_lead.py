@@ -1,4 +1,4 @@
-"""Command shaper: the discrete phase-lead compensator of Chen and Tsai (2013), Eq. 10."""
+"""The schemes of the paper: phase lead (Eq. 10) by the compensator of Chen and Tsai (2013), and force correction."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from bmd_rths_core.compensators.protocol import Compensator, Known
+from bmd_rths_core.compensators.schemes import Scheme
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import FACTOR
+from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_core.time_steps import exact_steps
 
 
@@ -109,6 +112,9 @@ class CommandShaper:
         self._z2 = self._b2 * desired_acceleration - self._a2 * command
         return command
 
+    def learn(self, measurement: TableMeasurement) -> None:
+        """Do without: the lead is constant."""
+
     def state_space(self) -> DiscreteStateSpace:
         """Return the stage as a linear system.
 
@@ -147,3 +153,31 @@ def transfer_function(
     alpha = exact_steps(config.lead_time, time_step)  # 5, not nearly 5, for the 25 ms of the paper
     lead = (w1 + w2 + 1.0) * alpha
     return (w1 + lead, w2 - lead, 1.0), (w1, w2, 1.0)
+
+
+def _phase_lead(known: Known) -> CommandShaper:
+    return CommandShaper(known.settings, known.time_step, active=True)
+
+
+def _no_lead(known: Known) -> CommandShaper:
+    return CommandShaper(known.settings, known.time_step, active=False)
+
+
+_SUMMARIES = {
+    Scheme.UC: "No compensation: the table gets the desired acceleration",
+    Scheme.FC: "Force correction alone",
+    Scheme.PLC: "Phase-lead compensation (Eq. 10)",
+    Scheme.PLC_FC: "Phase-lead compensation and force correction",
+}
+
+COMPENSATORS = tuple(
+    Compensator(
+        scheme.value,
+        summary,
+        needs="The delay of the table, command_shaper.lead_time" if scheme.phase_lead else "Nothing",
+        shaper=_phase_lead if scheme.phase_lead else _no_lead,
+        force_correction=scheme.force_correction,
+        settings=CommandShaperConfig,
+    )
+    for scheme, summary in _SUMMARIES.items()
+)

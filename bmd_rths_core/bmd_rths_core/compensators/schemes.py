@@ -25,3 +25,6 @@ class Scheme(Enum):
 
 
 SCHEME_NAMES = tuple(scheme.value for scheme in Scheme)
+
+#: Names of the schemes whose shaper is the phase lead of `command_shaper`.
+PHASE_LEAD = tuple(scheme.value for scheme in Scheme if scheme.phase_lead)

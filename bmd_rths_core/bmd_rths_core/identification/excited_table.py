@@ -38,6 +38,8 @@ class Responses:
         Measured absolute accelerations of the floors, from the table up [m/s²].
     source : str
         Text that says where the responses come from.
+    displacement, shear : ndarray, shape (N,), optional
+        Measured displacement of the table [m] and interface shear from load cells [N]; NaN without a sensor.
     """
 
     time_step: float
@@ -45,6 +47,8 @@ class Responses:
     table: FloatArray
     floors: FloatArray
     source: str
+    displacement: FloatArray | None = None
+    shear: FloatArray | None = None
 
     @property
     def largest_table(self) -> float:
@@ -65,13 +69,17 @@ class _Excitation:
     """The excitation in the place of the numerical substructure: it wants what it was given, and feels nothing."""
 
     displacements = np.zeros(0)
+    takes_feedback = True
 
     def reset(self) -> None:
         """Nothing to forget."""
 
     def step(self, ground_acceleration: float, feedback_force: float) -> Begun:
         """Ask for the command of this step."""
-        return Begun(0, ground_acceleration, ground_acceleration, feedback_force)
+        return Begun(0, ground_acceleration, ground_acceleration, feedback_force, ground_acceleration)
+
+    def learn(self, measurement: TableMeasurement) -> None:
+        """Do without."""
 
 
 def drive(
@@ -114,7 +122,7 @@ def drive(
     InputError
         A sensor that is needed gave no value.
     """
-    signals = np.full((len(commands), 0), np.nan)
+    signals, drives = np.full((len(commands), 0), np.nan), np.full((len(commands), 2), np.nan)
     answered = 0
 
     def on_step(begun: Begun) -> None:
@@ -126,6 +134,7 @@ def drive(
         if not signals.shape[1]:
             signals = np.full((len(commands), len(row)), np.nan)
         signals[measured.step] = row
+        drives[measured.step] = measured.table_displacement, measured.base_shear
         if not np.isfinite(row).all():
             missing.append(measured.step)
         answered += 1
@@ -152,7 +161,7 @@ def drive(
     lost = len(commands) - answered
     source = f"driven; {lost} of {len(commands)} steps were not answered in time, used are {first} to {end - 1}"
     own = signals[first:end]
-    return Responses(time_step, own[:, 0], own[:, 1], own[:, 2:], source if lost else "driven")
+    return Responses(time_step, own[:, 0], own[:, 1], own[:, 2:], source if lost else "driven", *drives[first:end].T)
 
 
 def responses_of(record: RunRecord) -> Responses:
@@ -178,8 +187,8 @@ def responses_of(record: RunRecord) -> Responses:
     if first == end:
         raise InputError(f"{record.source}: no step has applied command and accelerations of table and floors")
     source = f"steps {first} to {end - 1} of {record.steps} of {record.source}"
-    own = signals[first:end]
-    return Responses(record.time_step, own[:, 0], own[:, 1], own[:, 2:], source)
+    own, drives = signals[first:end], (record.table_displacement[first:end], record.base_shear[first:end])
+    return Responses(record.time_step, own[:, 0], own[:, 1], own[:, 2:], source, *drives)
 
 
 def _longest_stretch(signals: FloatArray) -> tuple[int, int]:

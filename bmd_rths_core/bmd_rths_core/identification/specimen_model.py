@@ -136,7 +136,7 @@ def _stories(responses: Responses, masses: FloatArray, measured: FrequencyRespon
     first = _first_solution(measured, masses)
 
     def residual(factors: FloatArray) -> FloatArray:
-        directions = _directions(s, masses, factors * first)
+        directions = floor_transmissibility(s, masses, factors * first)
         along = np.sum(directions.conj() * spectra, axis=1, keepdims=True)
         across = spectra - directions * along / np.sum(np.abs(directions) ** 2, axis=1, keepdims=True)
         return np.concatenate((across.real.ravel(), across.imag.ravel()))
@@ -172,8 +172,23 @@ def _first_solution(measured: FrequencyResponse, masses: FloatArray) -> FloatArr
     return np.asarray(np.transpose(solution).ravel(), dtype=np.float64)
 
 
-def _directions(s: ComplexArray, masses: FloatArray, values: FloatArray) -> ComplexArray:
-    """Return 1 and the absolute accelerations of the floors per acceleration of the table, shape (lines, n + 1)."""
+def floor_transmissibility(s: ComplexArray, masses: FloatArray, values: FloatArray) -> ComplexArray:
+    """Return absolute accelerations per acceleration of the table.
+
+    Parameters
+    ----------
+    s : ndarray of complex, shape (lines,)
+        jω [rad/s].
+    masses : ndarray, shape (n,)
+        Floor masses [kg].
+    values : ndarray, shape (2n,)
+        Stiffnesses [N/m] and damping coefficients [N s/m].
+
+    Returns
+    -------
+    ndarray of complex, shape (lines, n + 1)
+        1 for the table, then the floors.
+    """
     stories = len(masses)
     impedance = values[:stories] + s[:, None] * values[stories:]
     above = np.concatenate((impedance[:, 1:], np.zeros((len(s), 1))), axis=1)

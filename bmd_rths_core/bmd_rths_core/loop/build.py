@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bmd_rths_core.compensators.phase_lead import CommandShaper
+from bmd_rths_core.compensators.protocol import InterfaceControl, Known, SensorNoise, Shaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.conductor import NumericalStage
+from bmd_rths_core.loop.control_stage import ControlStage
+from bmd_rths_core.parameters import section_name
 from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator, StabilityIndicatorArray
 from bmd_rths_core.stages.force_correction import ForceCorrection
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
@@ -17,6 +24,8 @@ from bmd_rths_core.table.emulated.virtual_controller import VirtualController
 from bmd_rths_core.table.emulated.virtual_table import LinearTable, VirtualTable
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable
 from bmd_rths_core.table.models.simulated import SimulatedTable
+
+FloatArray = NDArray[np.float64]
 
 
 def make_numerical_substructure(config: Config) -> NumericalSubstructure | NonlinearSubstructure:
@@ -32,15 +41,83 @@ def make_numerical_substructure(config: Config) -> NumericalSubstructure | Nonli
     return NumericalSubstructure(config.numerical_substructure, config.run.time_step)
 
 
-def make_command_shaper(config: Config) -> CommandShaper:
-    """Return the command shaper of a configuration and its scheme.
+def make_known(config: Config) -> Known:
+    """Return what the compensator of a configuration may know: models that were identified, never the simulated truth.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
     """
-    return CommandShaper(config.command_shaper, config.run.time_step, active=config.scheme.phase_lead)
+    model = config.identified_model
+    specimen = model.specimen(config.specimen.building())
+    settings = config.compensator.settings
+    return Known(
+        time_step=config.run.time_step,
+        numerical=config.numerical_substructure.building(),
+        linear=config.nonlinear.integration == "exact",
+        specimen=specimen,
+        table=model.plant(specimen),
+        command_delay=model.command_delay,
+        feedback_scale=config.force_correction.feedback_scale,
+        load_cell=config.shear_estimator.source == "load_cell",
+        noise=SensorNoise(model.acceleration_noise, model.displacement_noise, model.shear_noise),
+        settings=None if settings is None else config.section(section_name(settings)),
+    )
+
+
+def make_command_shaper(config: Config) -> Shaper:
+    """Return the command shaper of a configuration and its scheme; under an interface control it passes on.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        The compensator refuses what is known.
+    """
+    if config.compensator.shaper is None:
+        return CommandShaper(config.command_shaper, config.run.time_step, active=False)
+    return config.compensator.shaper(make_known(config))
+
+
+def make_interface_control(config: Config) -> InterfaceControl | None:
+    """Return what owns the numerical substructure and the command; None where a shaper compensates.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        The compensator refuses what is known.
+    """
+    make = config.compensator.control
+    return None if make is None else make(make_known(config))
+
+
+def make_numerical_stage(config: Config, ground: FloatArray) -> NumericalStage:
+    """Return what the conductor drives: the numerical substructure, or the interface control in its place.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    ground : ndarray, shape (N,)
+        Ground acceleration of the whole test, for a control that knows it in advance [m/s²].
+
+    Raises
+    ------
+    InputError
+        The compensator refuses what is known.
+    """
+    control = make_interface_control(config)
+    return make_numerical_substructure(config) if control is None else ControlStage(control, ground)
 
 
 def make_supervisor(config: Config) -> SafetySupervisor:
@@ -142,4 +219,4 @@ def make_force_correction(config: Config) -> ForceCorrection:
     config : Config
         The whole configuration.
     """
-    return ForceCorrection(config.force_correction, active=config.scheme.force_correction)
+    return ForceCorrection(config.force_correction, active=config.compensator.force_correction)

@@ -8,14 +8,20 @@ that yield.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.loop.build import make_command_shaper, make_force_correction, make_numerical_substructure
+from bmd_rths_core.loop.build import (
+    make_command_shaper,
+    make_force_correction,
+    make_interface_control,
+    make_numerical_substructure,
+)
+from bmd_rths_core.loop.controlled_loop import controlled_loop
+from bmd_rths_core.loop.linear_loop import ClosedLoop, output_names, sensor_noise
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
 from bmd_rths_core.table.models.simulated import SimulatedTable
@@ -23,31 +29,16 @@ from bmd_rths_core.table.models.simulated import SimulatedTable
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class ClosedLoop:
-    """The assembled loop, x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].
+def has_matrices(config: Config) -> bool:
+    """Tell whether the compensator of a configuration is linear, so that its loop can be assembled.
 
     Parameters
     ----------
-    system : DiscreteStateSpace
-        The first state is the shear fed back. Inputs are the ground acceleration [m/s²] and the noise of the sensors,
-        in parts of its root mean square, in the order of `Sensors`: table, floors, load cells.
-    start : ndarray, shape (n,)
-        State before step 0, per ground acceleration of step 0. Zero for an explicit integration, whose first ground
-        acceleration should be 0.
-    outputs : tuple of str
-        Names of the outputs, those of `RunRecord`; floors are ``floor_1`` and so on. ``displacement_1`` and so on are
-        those of the numerical substructure.
+    config : Config
+        The whole configuration.
     """
-
-    system: DiscreteStateSpace
-    start: FloatArray
-    outputs: tuple[str, ...]
-
-    @property
-    def spectral_radius(self) -> float:
-        """Largest modulus of the eigenvalues; the loop is stable below 1."""
-        return float(np.abs(np.linalg.eigvals(self.system.a)).max())
+    part = make_interface_control(config) or make_command_shaper(config)
+    return part.state_space() is not None
 
 
 def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
@@ -58,35 +49,40 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     config : Config
         The whole configuration; limits do not matter here.
     displacement : bool
-        With table displacement and actuator force. The table displacement is a double integral: it takes no part in the
-        loop, but has eigenvalues of 1.
+        With table displacement and actuator force. The table displacement is a double integral: in the loop of a shaper
+        it takes no part, but has eigenvalues of 1. The loop of an interface control always has it.
 
     Returns
     -------
     ClosedLoop
+        Of a shaper: the first state is the shear fed back.
 
     Notes
     -----
     Whatever controller is configured, its table is the simulated one, which for a real table is its identified model. A
     yielding numerical substructure is taken as linear about rest, with its own integration.
     """
+    if config.compensator.control is not None:
+        return controlled_loop(config)
     specimen, step = config.specimen.building(), config.run.time_step
     table = SimulatedTable(config.simulated_table, specimen, step, config.run.seed)
-    numerical = make_numerical_substructure(config)
+    numerical, shaper = make_numerical_substructure(config), make_command_shaper(config).state_space()
+    if shaper is None:
+        raise InputError(f"run.scheme: {config.run.scheme} is not linear; there are no matrices of its loop")
     stages = {
         "numerical": numerical.state_space(),
-        "shaper": make_command_shaper(config).state_space(),
+        "shaper": shaper,
         "table": table.state_space(displacement),
         "estimator": estimator_state_space(config.shear_estimator, specimen, step),
         "correction": make_force_correction(config).state_space(),
     }
     # A signal is a row: what it takes of the state of the loop and of the inputs. The first state is the shear fed
     # back, the others are those of the stages.
-    noisy = specimen.stories + 2
+    noise = sensor_noise(config.simulated_table, specimen.stories)[: specimen.stories + (4 if displacement else 2)]
+    noisy = len(noise)
     size = 1 + sum(len(stage.a) for stage in stages.values())
     rows = np.eye(size + 1 + noisy)
     feedback, ground = rows[:1], rows[size : size + 1]
-    noise = np.append(np.full(noisy - 1, config.simulated_table.acceleration_noise), config.simulated_table.shear_noise)
     own, begin = {}, 1
     for name, stage in stages.items():
         own[name] = rows[begin : begin + len(stage.a)]
@@ -102,23 +98,16 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     response = run("numerical", ground, feedback)
     command = run("shaper", response[:1])
     sensors = run("table", command)
-    sensors[:noisy] += noise[:, None] * rows[size + 1 :]
-    shear = run("estimator", sensors[:noisy])
+    sensors += noise[:, None] * rows[size + 1 :]
+    shear = run("estimator", sensors[: specimen.stories + 2])
     corrected = run("correction", response[1:2], shear)
     transition = np.vstack((corrected, *(following[name] for name in stages)))
-    output = np.vstack((response[:2], command, sensors, shear, corrected, response[2:]))
-    start = np.zeros(size)
+    output = np.vstack((response[:2], command, sensors, shear, corrected, corrected, response[2:]))
+    start = np.zeros((size, 1))
     if isinstance(numerical, NumericalSubstructure):
-        start[1 : 1 + len(stages["numerical"].a)] = numerical.start
+        start[1 : 1 + len(stages["numerical"].a), 0] = numerical.start
     return ClosedLoop(
         system=DiscreteStateSpace(transition[:, :size], transition[:, size:], output[:, :size], output[:, size:]),
         start=start,
-        outputs=(
-            *("desired_acceleration", "required_force", "command", "table_acceleration"),
-            *(f"floor_{i + 1}" for i in range(specimen.stories)),
-            "base_shear",
-            *(("table_displacement", "actuator_force") if displacement else ()),
-            *("interface_force", "corrected_force"),
-            *(f"displacement_{i + 1}" for i in range(len(config.numerical_substructure.masses))),
-        ),
+        outputs=output_names(config, displacement),
     )

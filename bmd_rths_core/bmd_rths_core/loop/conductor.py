@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.loop.deadlines import DeadlineMonitor
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.safety import Action, StabilityIndicator, Trip
+from bmd_rths_core.table.controller import TableMeasurement
 
 #: In lockstep, a step that has not closed after this time ends the test [s].
 LOCKSTEP_TIMEOUT = 5.0
@@ -50,9 +51,17 @@ class Response(Protocol):
     def required_force(self) -> float:
         """Required interface force [N]."""
 
+    @property
+    def command(self) -> float:
+        """What the command shaper gets [m/s²]: the desired acceleration, or what an interface control commands."""
+
 
 class NumericalStage(Protocol):
     """The numerical substructure as the conductor drives it."""
+
+    @property
+    def takes_feedback(self) -> bool:
+        """True when the shear fed back acts on it; an interface control knows better."""
 
     @property
     def displacements(self) -> NDArray[np.float64]:
@@ -71,6 +80,9 @@ class NumericalStage(Protocol):
         feedback_force : float
             Shear fed back at the step before [N].
         """
+
+    def learn(self, measurement: TableMeasurement) -> None:
+        """Take in what the sensors said at the end of a step."""
 
 
 class Peer(NamedTuple):
@@ -108,12 +120,15 @@ class Begun(NamedTuple):
         [m/s²].
     required_force : float
         [N].
+    command : float
+        What the command shaper gets [m/s²].
     """
 
     step: int
     ground_acceleration: float
     desired_acceleration: float
     required_force: float
+    command: float
 
 
 class Conductor:
@@ -360,7 +375,8 @@ class Conductor:
         ground_acceleration = self._ground[step]
         response = self._numerical.step(ground_acceleration, self._feedback)
         if self._indicator is not None:
-            trip = self._indicator.step(step, self._feedback, self._numerical.displacements)
+            acting = self._feedback if self._numerical.takes_feedback else response.required_force
+            trip = self._indicator.step(step, acting, self._numerical.displacements)
             if trip is not None:
                 self.trips.append(trip)
                 if trip.action > Action.INDICATE:
@@ -369,7 +385,8 @@ class Conductor:
                     return
         self.step = step + 1
         self._schedule(step, now)
-        self._on_step(Begun(step, ground_acceleration, response.desired_acceleration, response.required_force))
+        desired, required = response.desired_acceleration, response.required_force
+        self._on_step(Begun(step, ground_acceleration, desired, required, response.command))
 
     def _schedule(self, step: int, now: float) -> None:
         """Set when the next step is due, and with it the deadline of this one."""

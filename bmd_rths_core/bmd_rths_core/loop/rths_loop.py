@@ -10,7 +10,7 @@ from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.build import (
     make_command_shaper,
     make_force_correction,
-    make_numerical_substructure,
+    make_numerical_stage,
     make_shear_estimator,
     make_stability_indicator,
     make_supervisor,
@@ -66,6 +66,7 @@ class RthsLoop:
         self._command_shaper = make_command_shaper(config)
         self._shear_estimator = make_shear_estimator(config)
         self._force_correction = make_force_correction(config)
+        self._numerical = make_numerical_stage(config, motion.acceleration)
         self.stability_indicator = make_stability_indicator(config)
         self.supervisor = make_supervisor(config)
         self.driver = TableDriver(
@@ -77,7 +78,7 @@ class RthsLoop:
         )
         self.conductor = Conductor(
             motion.acceleration.tolist(),
-            make_numerical_substructure(config),
+            self._numerical,
             self.stability_indicator,
             time_step,
             lockstep,
@@ -127,7 +128,7 @@ class RthsLoop:
 
     def _on_step(self, begun: Begun) -> None:
         step, signals = begun.step, self._signals
-        command = self._command_shaper.step(begun.desired_acceleration)
+        command = self._command_shaper.step(begun.command)
         signals["ground_acceleration"][step] = begun.ground_acceleration
         signals["desired_acceleration"][step] = begun.desired_acceleration
         signals["required_force"][step] = begun.required_force
@@ -137,6 +138,8 @@ class RthsLoop:
 
     def _on_measurement(self, measurement: TableMeasurement) -> None:
         step, signals = measurement.step, self._signals
+        self._numerical.learn(measurement)
+        self._command_shaper.learn(measurement)
         shear = self._shear_estimator.step(measurement)
         feedback = self._force_correction.step(self._required.pop(step), shear)
         signals["applied_command"][step] = measurement.applied_command

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bmd_rths_core.compensators.schemes import PHASE_LEAD
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
@@ -67,13 +68,15 @@ def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction
         The modes do not fit the configuration, or a substructure has no damping.
     """
     frequency, damping_ratio = _first_mode(config)
-    table, delay = _table(config, options)
+    (table, delay), step = _table(config, options), config.run.time_step
     return LoopTransferFunction(
         numerical_oscillator(frequency, damping_ratio),
         experimental_modes(_modes(config, options.modes)),
         table,
-        phase_lead_compensator(config.command_shaper, config.run.time_step) if config.scheme.phase_lead else None,
-        options.feedback_delay_steps * config.run.time_step + delay,
+        phase_lead_compensator(config.command_shaper, config.run.time_step)
+        if config.run.scheme in PHASE_LEAD
+        else None,
+        options.feedback_delay_steps * step + delay,
     )
 
 

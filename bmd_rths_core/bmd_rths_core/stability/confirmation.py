@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.loop.closed_loop import ClosedLoop, closed_loop
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.linear_loop import ClosedLoop
 from bmd_rths_core.stability.continuous import StabilityMargin
 from bmd_rths_core.stability.discrete import with_mass_ratio
 
@@ -77,7 +78,7 @@ def free_growth(loop: ClosedLoop) -> float:
     Every step is simulated, a window of them in one product: the shear of step j of a window is a row of Aʲ times the
     state at its beginning. No eigenvalue is used.
     """
-    a, impulse = loop.system.a, loop.system.b[:, 0]
+    a, impulse = loop.transition, np.delete(loop.system.b[:, 0], loop.integrators)
     rows = [np.eye(1, len(a))[0]]
     for _ in range(_WINDOW - 1):
         rows.append(rows[-1] @ a)

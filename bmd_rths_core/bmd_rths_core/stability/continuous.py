@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bmd_rths_core.compensators.schemes import PHASE_LEAD
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.crossings import Cells, Crossings, positive_real_crossings
@@ -300,7 +301,7 @@ def loop_of(config: Config) -> LoopTransferFunction:
         elastic_numerical_building(nonlinear_building(chain, config.nonlinear), first_effective_mass(chain)),
         experimental_building(config.specimen.building()),
         simulated_table(config.simulated_table, config.specimen.building()),
-        phase_lead_compensator(config.command_shaper, step) if config.scheme.phase_lead else None,
+        phase_lead_compensator(config.command_shaper, step) if config.run.scheme in PHASE_LEAD else None,
         step + config.simulated_table.command_delay,
     )
 

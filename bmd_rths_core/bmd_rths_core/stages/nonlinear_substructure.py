@@ -18,6 +18,7 @@ from bmd_rths_core.integration.explicit_integration import (
 )
 from bmd_rths_core.stages.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, nonlinear_building
+from bmd_rths_core.table.controller import TableMeasurement
 
 
 class NonlinearSubstructure:
@@ -47,6 +48,8 @@ class NonlinearSubstructure:
     Displacement and velocity come from the integration, the acceleration of every method from the equation of motion at
     the end of the step, as for the linear substructure: the required force is the shear fed back.
     """
+
+    takes_feedback = True
 
     def __init__(self, config: NumericalSubstructureConfig, nonlinear: NonlinearConfig, time_step: float) -> None:
         building = nonlinear_building(config.building(), nonlinear)
@@ -94,6 +97,9 @@ class NonlinearSubstructure:
         restoring = float(self._interface_damping.dot(integrator.velocity)) + float(integrator.restoring[-1])
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+    def learn(self, measurement: TableMeasurement) -> None:
+        """Do without: the shear that is fed back is all it takes."""
 
     def state_space(self) -> DiscreteStateSpace:
         """Return the stage as a linear system: small motion about rest, as long as no story leaves its first tangent.

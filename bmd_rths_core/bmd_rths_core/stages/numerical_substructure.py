@@ -12,6 +12,7 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_o
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import DAMPING, MASS, STIFFNESS
 from bmd_rths_core.structure.shear_building import ShearBuilding, stories
+from bmd_rths_core.table.controller import TableMeasurement
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,11 @@ class NumericalResponse(NamedTuple):
     desired_acceleration: float
     required_force: float
 
+    @property
+    def command(self) -> float:
+        """What the command shaper gets: the desired acceleration [m/s²]."""
+        return self.desired_acceleration
+
 
 class NumericalSubstructure:
     """Integrate the numerical substructure.
@@ -86,6 +92,8 @@ class NumericalSubstructure:
     displacements, velocities : ndarray, shape (n,)
         Motion of the floors relative to the ground at the last step [m, m/s].
     """
+
+    takes_feedback = True
 
     def __init__(self, config: NumericalSubstructureConfig, time_step: float) -> None:
         building = config.building()
@@ -137,6 +145,9 @@ class NumericalSubstructure:
         restoring = float(self._restoring.dot(state))
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+    def learn(self, measurement: TableMeasurement) -> None:
+        """Do without: the shear that is fed back is all it takes."""
 
     def state_space(self) -> DiscreteStateSpace:
         """Return the stage as a linear system.

@@ -203,10 +203,12 @@ def _variation(text: str) -> tuple[str, list[object]]:
 
 
 def _schemes(text: str) -> list[str]:
+    from bmd_rths_core.compensators.registry import compensators
+
     names = [name.strip() for name in text.split(",")]
     for name in names:
-        if name not in SCHEME_NAMES:
-            raise InputError(f"--schemes {text}: {name!r} is unknown; some of {','.join(SCHEME_NAMES)} are required")
+        if name not in compensators():
+            raise InputError(f"--schemes {text}: {name!r} is unknown; some of {','.join(compensators())} are required")
     return list(dict.fromkeys(names))
 
 

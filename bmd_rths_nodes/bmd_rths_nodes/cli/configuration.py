@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bmd_rths_core.bounded_yaml import parse_yaml
-from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -129,7 +128,9 @@ def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
 
 #: Options that only some commands have.
 _OPTIONS = {
-    "scheme": click.option("--scheme", type=click.Choice(SCHEME_NAMES), help="Compensation scheme."),
+    "scheme": click.option(
+        "--scheme", metavar="NAME", help="Compensator: uc, fc, plc, plc_fc, mpic, or one that is installed."
+    ),
     "motion": click.option("--motion", metavar="FILE", help="Ground-motion record, or the name of a shipped one."),
     "table": click.option(
         "--table", metavar="NAME", help="Table controller: simulated, udp://HOST:PORT, or the name of an installed one."

@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Sensors:
-    """Accelerometers of table and floors, and load cells.
+    """Accelerometers of table and floors, load cells, displacement of the table and force of the actuator.
 
     Parameters
     ----------
@@ -23,14 +23,26 @@ class Sensors:
         Quantisation step of every accelerometer, 0 for none [m/s²].
     shear_noise : float
         Noise of the load cells, root mean square [N].
+    displacement_noise : float
+        Noise of the displacement, root mean square [m].
+    force_noise : float
+        Noise of the force of the actuator, root mean square [N].
     seed : int
-        Seed of the noise.
+        Seed of the noise. Displacement and force have a random stream of their own.
     """
 
     def __init__(
-        self, floors: int, acceleration_noise: float, acceleration_resolution: float, shear_noise: float, seed: int
+        self,
+        floors: int,
+        acceleration_noise: float,
+        acceleration_resolution: float,
+        shear_noise: float,
+        displacement_noise: float,
+        force_noise: float,
+        seed: int,
     ) -> None:
         self._seed = seed
+        self._drive_noise = np.array((displacement_noise, force_noise))
         self._noise = np.full(floors + 2, acceleration_noise)
         self._noise[-1] = shear_noise
         self._resolution = acceleration_resolution
@@ -38,7 +50,7 @@ class Sensors:
 
     def reset(self) -> None:
         """Start the noise again from the seed."""
-        self._random = np.random.default_rng(self._seed)
+        self._random, self._drive_random = noise_streams(self._seed)
 
     def read(
         self,
@@ -58,24 +70,33 @@ class Sensors:
         applied_command : float
             Acceleration command that was applied [m/s²].
         displacement : float
-            Displacement of the table [m], measured without noise.
+            Displacement of the table [m].
         accelerations : ndarray, shape (1 + n,)
             Absolute accelerations of the table and the floors [m/s²].
         actuator_force : float
-            Force of the actuator [N], measured without noise.
+            Force of the actuator [N].
         base_shear : float
             Interface shear [N].
         """
         noise = self._noise * self._random.standard_normal(len(self._noise))
+        of_displacement, of_force = (self._drive_noise * self._drive_random.standard_normal(2)).tolist()
         sensed = accelerations + noise[:-1]
         if self._resolution > 0.0:
             sensed = np.round(sensed / self._resolution) * self._resolution
         return TableMeasurement(
             step=step,
             applied_command=applied_command,
-            table_displacement=displacement,
+            table_displacement=displacement + of_displacement,
             table_acceleration=float(sensed[0]),
-            actuator_force=actuator_force,
+            actuator_force=actuator_force + of_force,
             base_shear=base_shear + float(noise[-1]),
             floor_accelerations=sensed[1:],
         )
+
+
+def noise_streams(seed: int) -> tuple[np.random.Generator, np.random.Generator]:
+    """Return the random streams of a seed: accelerometers and load cells, then displacement and force.
+
+    Two streams, so that the noise of the one pair does not depend on whether the other is read.
+    """
+    return np.random.default_rng(seed), np.random.default_rng((seed, 1))

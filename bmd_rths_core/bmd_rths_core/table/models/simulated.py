@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
-from bmd_rths_core.physical_bounds import ADDED_MASS, COEFFICIENT, FORCE_NOISE, NOISE, POLE, POLE_DAMPING
+from bmd_rths_core.physical_bounds import (
+    ADDED_MASS,
+    COEFFICIENT,
+    DISPLACEMENT_NOISE,
+    FORCE_NOISE,
+    NOISE,
+    POLE,
+    POLE_DAMPING,
+)
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
@@ -92,6 +100,16 @@ class SimulatedTableConfig:
     shear_noise: float = parameter(
         20.0, description="Noise of the load cells, root mean square", unit="N", source="assumed", **FORCE_NOISE
     )
+    displacement_noise: float = parameter(
+        5e-5,
+        description="Noise of the table displacement, root mean square",
+        unit="m",
+        source="assumed",
+        **DISPLACEMENT_NOISE,
+    )
+    force_noise: float = parameter(
+        20.0, description="Noise of the actuator force, root mean square", unit="N", source="assumed", **FORCE_NOISE
+    )
     specimen_stiffness_factor: float = parameter(
         1.0,
         description="Stiffness of every story of the simulated specimen over that of its model, the section specimen",
@@ -119,7 +137,8 @@ class SimulatedTableConfig:
         seed : int
             Seed of the noise.
         """
-        return Sensors(floors, self.acceleration_noise, self.acceleration_resolution, self.shear_noise, seed)
+        accelerations = self.acceleration_noise, self.acceleration_resolution
+        return Sensors(floors, *accelerations, self.shear_noise, self.displacement_noise, self.force_noise, seed)
 
     def specimen(self, model: ShearBuilding) -> ShearBuilding:
         """Return what stands on the simulated table: a specimen that is not quite its model.
