@@ -8,8 +8,9 @@ from bmd_rths_core.loop.build import make_virtual_controller
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.emulated.faults import Faults
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.udp_controller import make_udp_table
 from bmd_rths_core.table.wire import ControllerState
-from tests.faults.rig import Link
+from tests.faults.rig import VirtualNetwork
 
 QUIET = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0} | {
     f"simulated_table__{name}_noise": 0.0 for name in ("displacement", "force")
@@ -43,14 +44,17 @@ def test_motion_agrees_with_sensors_without_noise_and_velocity_is_the_derivative
 def test_controller_lets_go_of_a_table_that_really_stands(model):
     """The table lags behind what it is asked for: at rest is where it stands, not where it should."""
     config = Config().changed(virtual_controller__model=model, **QUIET)
-    link = Link(config, Faults())
-    link.connect()
+    network = VirtualNetwork(config, Faults())
+    table, begin = make_udp_table(config, network, session=1), network.now()
+    table.connect()
     for step in range(100):
-        link.exchange(TableCommand(step, 2.0 * np.sin(2 * np.pi * 2.0 * 0.005 * step)))
-    assert not link.controller.at_rest
-    assert abs(link.controller.motion.velocity) > 0.005
-    link.stop()
-    assert link.controller.at_rest
-    assert link.controller.state is ControllerState.IDLE
-    assert abs(link.controller.motion.velocity) < 1e-3
-    assert link.controller.peaks.velocity > 0.1
+        network.sleep(begin + (step + 1) * config.run.time_step)
+        table.exchange(TableCommand(step, 2.0 * np.sin(2 * np.pi * 2.0 * 0.005 * step)))
+    controller = network.controller
+    assert not controller.at_rest
+    assert abs(controller.motion.velocity) > 0.005
+    table.stop()
+    assert controller.at_rest
+    assert controller.state is ControllerState.IDLE
+    assert abs(controller.motion.velocity) < 1e-3
+    assert controller.peaks.velocity > 0.1
