@@ -21,11 +21,9 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
 CONFIG = Config().changed(ground_motion__duration=1.0)
 
-#: Where a command reaches a table, or a supervisor is asked, besides the table driver: layers of the same table, and
-#: the campaign, whose bounds are confirmed by the supervisor itself.
+#: Where a command reaches a table, or a supervisor is asked, besides the table driver: layers of the same table.
 ELSEWHERE = {
-    ("bmd_rths_core/campaign/limits.py", "check"),
-    ("bmd_rths_core/campaign/limits.py", "observe"),
+    ("bmd_rths_core/safety/way_to_rest.py", "observe"),  # of the table that should be at rest
     ("bmd_rths_core/parameters.py", "check"),  # of a parameter
     ("bmd_rths_core/safety/supervisor.py", "observe"),  # of what watches how the table follows
     ("bmd_rths_core/table/emulated/virtual_controller.py", "exchange"),

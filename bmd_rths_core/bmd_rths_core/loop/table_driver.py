@@ -94,9 +94,8 @@ class TableDriver:
         self.last_passed = -1
         self.latest: TableMeasurement | None = None
         self._due = math.inf  # of the next command on the way to rest
-        self._followed_until: float | None = (
-            None  # until then the supervisor has followed the table; None before step 0
-        )
+        # Until then the supervisor has followed the table; None before step 0.
+        self._followed_until: float | None = None
         self._looks, self._excuses, self._looked_at = 0, 0, 0.0
 
     # ---- what the host asks for
