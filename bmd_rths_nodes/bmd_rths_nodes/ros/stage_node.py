@@ -140,7 +140,8 @@ class StageNode(LifecycleNode, ABC):
     def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
         """Return what has to be the same in every node that has it, by section."""
         mapping = self.config.as_mapping()
-        return {section: mapping[section] for section in self.SECTIONS}
+        sections = ROLES[self.ROLE].sections
+        return {section: mapping[section] for section in (mapping if sections is None else sections)}
 
     def on_disturbance(self, problem: str) -> None:
         """Take no part in the test any more: somebody else publishes what this node listens to."""
