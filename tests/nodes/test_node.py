@@ -25,6 +25,7 @@ from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.messages import message_class
 from tests.nodes.conftest import change_state, wait_until
+from tests.nodes.emulation import LOCKSTEP, emulator
 
 
 @pytest.fixture
@@ -367,7 +368,9 @@ sys.exit(spin.run_nodes(LOOP_NODES, ["--ros-args", "-p", "run.record:=false"]))
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
-def test_node_settles_in_real_time_before_it_is_ready_so_that_nobody_is_discovered_in_a_test(client, start, lockstep):
+def test_node_settles_before_a_real_table_in_real_time_so_that_nobody_is_discovered_in_a_test(
+    client, start, tmp_path, lockstep
+):
     told = []
 
     def on_diagnostics(message):
@@ -384,10 +387,14 @@ from bmd_rths_nodes.ros import spin, stage_node
 stage_node.SETTLING_TIME = 1000.0
 sys.exit(spin.run_nodes(LOOP_NODES))
 """
-    record = ("--ros-args", "-p", "run.record:=false", "-p", f"run.lockstep:={str(lockstep).lower()}")
-    start("-c", script, *record)
-    if lockstep:
-        wait_until(lambda: client.spin_some() or "ended" in told)
-    else:
-        wait_until(lambda: client.spin_some() or len(told) > 30)
-        assert set(told) == {"waiting"}
+    parameters = tmp_path / "parameters.yaml"
+    with emulator(LOCKSTEP.changed(run__lockstep=lockstep, run__record=False)) as (_, config):
+        parameters.write_text(dump_config(config))
+        loop = start("-c", script, "--ros-args", "--params-file", parameters)
+        if lockstep:
+            wait_until(lambda: client.spin_some() or "ended" in told)
+        else:
+            wait_until(lambda: client.spin_some() or len(told) > 30)
+            assert set(told) == {"waiting"}
+        loop.interrupt()
+        assert loop.wait(20.0).status == 0

@@ -40,6 +40,10 @@ LONGEST_SILENCE = 5.0
 LOOK_PERIOD = 1.0
 
 
+#: States of a peer that has left a test.
+_GONE = (NodeState.INACTIVE, NodeState.ENDED)
+
+
 class Response(Protocol):
     """What the numerical substructure answers to a step."""
 
@@ -273,6 +277,8 @@ class Conductor:
             self._ready_peers.discard(peer.role)
         if peer.state is NodeState.TRIPPED and self._is_ended_by(peer):
             self.end(peer.outcome or Outcome.FAILED, f"{peer.role}: {peer.reason}", now)
+        elif self.state is NodeState.RUNNING and peer.role in self._peers and peer.state in _GONE:
+            self.end(Outcome.FAILED, f"{peer.role} takes no part any more: it is {peer.state}", now)
         if peer.role == self._recorder:
             self._recorded_steps = peer.recorded_steps
             if self._waits_for_recorder and self.state is NodeState.RUNNING:

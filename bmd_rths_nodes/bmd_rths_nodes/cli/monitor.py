@@ -79,12 +79,12 @@ def _print_once(run: RunMonitor, as_json: bool, interrupts: Sequence[int]) -> in
 def _listen_until_all_have_told(run: RunMonitor, interrupts: Sequence[int]) -> None:
     """Listen to every role of a run, or to those of which anything is discovered, or until it is interrupted."""
     heard, since = 0, time.perf_counter()
-    while not set(ROLES) <= set(run.status) and not interrupts:
+    while not set(ROLES) <= set(run.live) and not interrupts:
         run.update(0.05)
         now = time.perf_counter()
-        if len(run.status) > heard:
-            heard, since = len(run.status), now
-        silent = set(run.nodes_there()) - set(run.status)
+        if len(run.live) > heard:
+            heard, since = len(run.live), now
+        silent = set(run.nodes_there()) - set(run.live)
         if now > since + (_LONGEST_WAIT if silent else _DISCOVERY_WAIT):
             return
 
@@ -97,7 +97,7 @@ def _snapshot(run: RunMonitor) -> dict[str, Any]:
     from bmd_rths_nodes.run.graph_state import take_snapshot
 
     now = time.perf_counter()
-    return take_snapshot(run.status, {role: now - heard for role, heard in run.heard.items()}, run.nodes_there())
+    return take_snapshot(run.live, {role: now - heard for role, heard in run.heard.items()}, run.nodes_there())
 
 
 def _page(snapshot: dict[str, Any]) -> RenderableType:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Mapping
+from typing import Any
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
@@ -21,6 +23,7 @@ from bmd_rths_msgs_py.topics import (
     ROLES,
 )
 from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.agreement import with_motion
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
@@ -41,7 +44,7 @@ class NumericalSubstructureNode(StageNode):
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
-        motion = select_ground_motion(config.ground_motion, config.run.time_step)
+        self._motion = motion = select_ground_motion(config.ground_motion, config.run.time_step)
         self._stability_indicator = make_stability_indicator(config)
         self._conductor = Conductor(
             motion.acceleration.tolist(),
@@ -58,13 +61,16 @@ class NumericalSubstructureNode(StageNode):
         self._send_required_force = self.publish_to(REQUIRED_FORCE)
         self._send_ground_acceleration = self.publish_to(GROUND_ACCELERATION)
         self.subscribe_to(CORRECTED_FORCE, self._on_corrected_force)
-        self.listen_to_peers(self._on_peer)
         self._misses_told = 0
 
     def reset_stage(self) -> None:
         """Return to rest before step 0."""
         self._conductor.reset()
         self._misses_told = 0
+
+    def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return the parameters and, because the name of a file says little, what the ground motion is."""
+        return with_motion(super().shared_parameters(), self._motion)
 
     @property
     def drives(self) -> bool:
@@ -117,7 +123,8 @@ class NumericalSubstructureNode(StageNode):
         """Let the conductor do what is due, and tell what has come of it."""
         if not self.configured or self.state is NodeState.INACTIVE:
             return super().poll(now)
-        due = self._conductor.poll(now, ready=self.state is NodeState.READY)
+        ready = self.state is NodeState.READY and not self.agreement.obstacle(now)
+        due = self._conductor.poll(now, ready)
         self._tell_changes()
         return min(super().poll(now), due)
 
@@ -129,7 +136,8 @@ class NumericalSubstructureNode(StageNode):
     def _on_corrected_force(self, step: int, force: float) -> None:
         self._conductor.shear(step, force, time.perf_counter())
 
-    def _on_peer(self, peer: NodeStatus) -> None:
+    def on_peer(self, peer: NodeStatus) -> None:
+        """Let the conductor judge it."""
         told = peer.values.get("recorded_steps", "")
         outcome = peer.values.get("outcome", "")
         self._conductor.hear(

@@ -6,15 +6,13 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import deserialize_message
+from typing import Any, NamedTuple
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop.states import NodeState
+from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.record import TimingStatistics, provenance
 from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
@@ -32,6 +30,7 @@ from bmd_rths_msgs_py.topics import (
     Topic,
 )
 from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.agreement import with_motion
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
@@ -62,6 +61,24 @@ LONGEST_FAREWELL = 2.0
 NICENESS = 5
 
 
+class End(NamedTuple):
+    """How a test ended, as the numerical substructure told it."""
+
+    outcome: Outcome
+    reason: str
+    step: int
+    timing: TimingStatistics | None
+
+    @classmethod
+    def told_by(cls, status: NodeStatus) -> End | None:
+        """Return what a status says of the end; None when it says nothing that can be understood."""
+        outcome, step = status.values.get("outcome", ""), status.values.get("step", "")
+        if outcome not in set(Outcome):
+            return None
+        begun = int(step) if step.isdecimal() else 0
+        return cls(Outcome(outcome), status.message, begun, _timing(status.values))
+
+
 class RecorderNode(StageNode):
     """Node around `bmd_rths_msgs_py.bag_writer.BagWriter`.
 
@@ -79,7 +96,7 @@ class RecorderNode(StageNode):
         self._writer: BagWriter | None = None
         self._bag = ""
         for topic in TOPICS.values():
-            on_message = self._on_diagnostics if topic is DIAGNOSTICS else self._recorder_of(topic)
+            on_message = self._record_diagnostics if topic is DIAGNOSTICS else self._recorder_of(topic)
             self.subscribe_raw(topic, on_message, qos.RECORDER)
 
     def reset_stage(self) -> None:
@@ -99,9 +116,13 @@ class RecorderNode(StageNode):
         self._messages = 0
         self._next_step = {topic.full_name: 0 for topic in TOPICS.values() if topic is not DIAGNOSTICS}
         self._steps_told_of = 0
-        self._end: NodeStatus | None = None
+        self._end: End | None = None
         self._table_moves = False
         self._trip = ""
+
+    def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return the parameters and, because the name of a file says little, what the ground motion is."""
+        return with_motion(super().shared_parameters(), self._motion)
 
     def stop_stage(self) -> None:
         """Close the bag, whatever has come so far."""
@@ -109,6 +130,8 @@ class RecorderNode(StageNode):
             return
         if self._end is not None:
             self._close_as_told(self._end)
+        elif self.ending is None and self.steps > 0:
+            self._close("failed", "the recorder was deactivated before the test ended", None)
         else:
             self._close("stopped", "the recorder was stopped before the test ended", None)
 
@@ -139,7 +162,7 @@ class RecorderNode(StageNode):
             return min(super().poll(now), self._flush_due)
         return super().poll(now)
 
-    def _is_quiet(self, silence: float, end: NodeStatus) -> bool:
+    def _is_quiet(self, silence: float, end: End) -> bool:
         """Tell whether nothing more is to be expected."""
         longest = self._longest_silence() if self._table_moves or self._lacks_steps(end) else QUIET_PERIOD
         return silence > longest and self._quiet_looks > QUIET_LOOKS
@@ -147,15 +170,14 @@ class RecorderNode(StageNode):
     def _longest_silence(self) -> float:
         return LONGEST_SILENCE + (self._time_to_rest if self._table_moves else 0.0)
 
-    def _lacks_steps(self, end: NodeStatus) -> bool:
+    def _lacks_steps(self, end: End) -> bool:
         """Tell whether messages of an ended test may still come: what got lost is sent again after 3 s only."""
-        begun, outcome = int(end.values.get("step", "0")), end.values["outcome"]
-        if outcome == "failed":
+        if end.outcome is Outcome.FAILED:
             return False  # where a node is gone nothing more comes
         # The last step of a test that did not finish may not have come round.
-        least = begun if outcome == "finished" else begun - 1
+        least = end.step if end.outcome is Outcome.FINISHED else end.step - 1
         sent = min(self._next_step[topic.full_name] for topic in SENT_AT_EVERY_STEP)
-        return sent < begun or self._recorded_steps() < least
+        return sent < end.step or self._recorded_steps() < least
 
     def _recorded_steps(self) -> int:
         return min(self._next_step.values())
@@ -193,16 +215,30 @@ class RecorderNode(StageNode):
 
         return on_message
 
-    def _on_diagnostics(self, data: bytes) -> None:
-        if self._writer is None:
-            return
+    def _record_diagnostics(self, data: bytes) -> None:
         self._record(DIAGNOSTICS.full_name, DIAGNOSTICS.type_name, data)
-        for peer in status.from_message(deserialize_message(data, DiagnosticArray)):
-            if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state == NodeState.ENDED and peer.values.get("outcome"):
-                self._end = peer
-            elif peer.role == TABLE_DRIVER:
-                self._table_moves = peer.values.get("table") == "moving"
-                self._trip = peer.message if peer.state == NodeState.TRIPPED else self._trip
+
+    @property
+    def free(self) -> bool:
+        """True before the first step of a test: one bag holds one test."""
+        return super().free and self.steps == 0 and self._end is None
+
+    def on_peer(self, peer: NodeStatus) -> None:
+        """Take note of the end of the test, and of the table."""
+        if peer.role == NUMERICAL_SUBSTRUCTURE and peer.state is NodeState.ENDED:
+            self._end = End.told_by(peer) or self._end
+        elif peer.role == TABLE_DRIVER:
+            self._table_moves = peer.values.get("table") == "moving"
+            self._trip = peer.message if peer.state is NodeState.TRIPPED else self._trip
+
+    def on_missed_beginning(self) -> None:
+        """Record nothing: a test is recorded from its beginning or not at all."""
+        self.on_disturbance("refused: a test is under way, and this recorder was not there when it began")
+
+    def on_disturbance(self, problem: str) -> None:
+        """Record no more: the test has a recorder."""
+        self._close("failed", problem, None)
+        super().on_disturbance(problem)
 
     def _record(self, name: str, type_name: str, data: bytes) -> None:
         now = time.time_ns()
@@ -220,10 +256,10 @@ class RecorderNode(StageNode):
             return False
         return True
 
-    def _close_as_told(self, end: NodeStatus) -> None:
+    def _close_as_told(self, end: End) -> None:
         # What the table driver did after the end, an emergency stop on the way to rest, belongs to how it ended.
-        later = "" if not self._trip or self._trip in end.message else f"; {TABLE_DRIVER}: {self._trip}"
-        self._close(end.values["outcome"], f"{end.message}{later}", _timing(end))
+        later = "" if not self._trip or self._trip in end.reason else f"; {TABLE_DRIVER}: {self._trip}"
+        self._close(str(end.outcome), f"{end.reason}{later}", end.timing)
 
     def _close(self, outcome: str, reason: str, timing: TimingStatistics | None) -> None:
         writer = self._writer
@@ -233,15 +269,18 @@ class RecorderNode(StageNode):
         self._writer = None
 
 
-def _timing(end: NodeStatus) -> TimingStatistics:
-    values = end.values
-    return TimingStatistics(
-        missed_deadlines=int(values["missed_deadlines"]),
-        max_consecutive_misses=int(values["max_consecutive_misses"]),
-        missed_steps=tuple(json.loads(values["missed_steps"])),
-        late_ticks=int(values["late_ticks"]),
-        closure_ms={name: float(values[f"closure_ms_{name}"]) for name in ("p50", "p99", "max")},
-    )
+def _timing(values: Mapping[str, str]) -> TimingStatistics | None:
+    """Return what a node told of its deadlines; None when it told nothing, or what cannot be understood."""
+    try:
+        return TimingStatistics(
+            missed_deadlines=int(values["missed_deadlines"]),
+            max_consecutive_misses=int(values["max_consecutive_misses"]),
+            missed_steps=tuple(int(step) for step in json.loads(values["missed_steps"])),
+            late_ticks=int(values["late_ticks"]),
+            closure_ms={name: float(values[f"closure_ms_{name}"]) for name in ("p50", "p99", "max")},
+        )
+    except (KeyError, TypeError, ValueError, RecursionError):
+        return None
 
 
 def main() -> int:

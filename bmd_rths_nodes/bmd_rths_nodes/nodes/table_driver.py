@@ -49,7 +49,6 @@ class TableDriverNode(StageNode):
         self._send_measurement = self.publish_to(MEASUREMENT)
         self._forget_the_last_test()
         self.subscribe_to(COMMAND, self._on_command, newest_only=config.table.controller != "simulated")
-        self.listen_to_peers(self._on_peer)
 
     def reset_stage(self) -> None:
         """Make the table ready for step 0."""
@@ -191,7 +190,12 @@ class TableDriverNode(StageNode):
 
     # ---- the loop
 
-    def _on_peer(self, peer: NodeStatus) -> None:
+    @property
+    def free(self) -> bool:
+        """True when the table stands and no trip is latched."""
+        return super().free and not (self.configured and self._driver.moving)
+
+    def on_peer(self, peer: NodeStatus) -> None:
         """Bring the table to rest when the test has ended; what is still on its way must not move it again."""
         if peer.role != NUMERICAL_SUBSTRUCTURE:
             return

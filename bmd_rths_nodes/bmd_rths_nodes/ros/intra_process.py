@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Collection
 from collections.abc import Set as AbstractSet
 
+from bmd_rths_nodes.ros.agreement import new_instance
 from bmd_rths_nodes.ros.status import NodeStatus
 
 Handler = Callable[[bytes], None]
@@ -21,9 +22,16 @@ class IntraProcess:
     ----------
     roles : collection of str
         Roles of the nodes of the process.
+
+    Attributes
+    ----------
+    instance : str
+        What tells this process from every other one.
     """
 
     def __init__(self, roles: Collection[str]) -> None:
+        self.instance = new_instance()
+        self._is_heard_for = False
         self._roles = frozenset(roles)
         self._consumers: dict[str, dict[str, Handler]] = {}
         self._listeners: dict[str, Callable[[NodeStatus], None]] = {}
@@ -72,7 +80,6 @@ class IntraProcess:
         role : str
             Its role.
         """
-        self._listeners.pop(role, None)
         for handlers in self._consumers.values():
             handlers.pop(role, None)
 
@@ -88,13 +95,18 @@ class IntraProcess:
         """
         self._listeners[role] = handler
 
+    def needs_a_listener(self) -> bool:
+        """Tell whether nobody of this process listens to /diagnostics yet; who asks first does it for all of them."""
+        first, self._is_heard_for = not self._is_heard_for, True
+        return first
+
     def tell_status(self, role: str, status: NodeStatus) -> None:
         """Tell the other nodes of this process a status, without the middleware and at once.
 
         Parameters
         ----------
         role : str
-            Role of the node that tells.
+            Role of the node that tells; empty when it is one of another process.
         status : NodeStatus
             What it says.
         """

@@ -39,13 +39,36 @@ def read_configuration(node: Node) -> Config:
     mapping: dict[str, dict[str, Any]] = {}
     # rclpy has no public way to see overrides that are not declared, and declaring them unseen fails on empty arrays.
     for name, override in node._parameter_overrides.items():
-        if name in NODE_PARAMETERS or name.startswith("qos_overrides."):
+        _refuse_unsupported(name, override.value)
+        if name in NODE_PARAMETERS:
             continue
         section, _, key = name.partition(".")
         if section in SECTIONS and not key:
             raise InputError(f"{name}: {override.value!r} is not a section; parameters with values are required")
         mapping.setdefault(section, {})[key] = _plain(override)
     return config_from_mapping(mapping)
+
+
+def refuse_other_name(node: Node, name: str) -> None:
+    """Refuse a node whose name or namespace was changed: the others look for it below its own name.
+
+    Parameters
+    ----------
+    node : Node
+        The node.
+    name : str
+        Its fully qualified name.
+
+    Raises
+    ------
+    InputError
+        It has another name.
+    """
+    if node.get_fully_qualified_name() != name:
+        raise InputError(
+            f"__ns, __node: {node.get_fully_qualified_name()} is not supported, {name} is required; "
+            "set ROS_DOMAIN_ID to run several tests on one network"
+        )
 
 
 def declare_configuration(node: Node, config: Config, sections: Iterable[str] | None) -> None:
@@ -92,6 +115,30 @@ def changed_configuration(config: Config, parameters: Iterable[Parameter]) -> Co
     """
     changes = {p.name.replace(".", "__", 1): _plain(p) for p in parameters if p.name.partition(".")[0] in SECTIONS}
     return config.changed(**changes)
+
+
+def refuse_unsupported(parameters: Iterable[Parameter]) -> None:
+    """Refuse what ROS nodes can usually be told and these cannot.
+
+    Parameters
+    ----------
+    parameters : iterable of Parameter
+        New values.
+
+    Raises
+    ------
+    InputError
+        One of them is not supported.
+    """
+    for parameter in parameters:
+        _refuse_unsupported(parameter.name, parameter.value)
+
+
+def _refuse_unsupported(name: str, value: object) -> None:
+    if name == "use_sim_time" and value:
+        raise InputError("use_sim_time: true is not supported, a table moves by the clock of its computer; false is")
+    if name.startswith("qos_overrides."):
+        raise InputError(f"{name}: not supported; every topic has the quality of service that the loop needs")
 
 
 def _plain(parameter: Parameter) -> object:

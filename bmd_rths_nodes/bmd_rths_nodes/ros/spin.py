@@ -21,6 +21,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.middleware import prepare_middleware
+from bmd_rths_nodes.ros.parameter_files import refuse_unreached
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.warm_up import warm_up
 
@@ -64,6 +65,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         for node_type in node_types:
             nodes.append(node_type(intra_process))
             executor.add_node(nodes[-1])
+        names = [node.get_fully_qualified_name() for node in nodes]
+        refuse_unreached(sys.argv if arguments is None else arguments, names)
         for node in nodes:
             problem = _autostart(node)
             if problem:

@@ -24,10 +24,17 @@ from bmd_rths_msgs_py.cdr import MalformedMessage
 from bmd_rths_msgs_py.topics import NAMESPACE, RECORDER, Topic
 from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import qos, status, triggers
+from bmd_rths_nodes.ros.agreement import Agreement, Heard
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.messages import codec_of, message_class
-from bmd_rths_nodes.ros.parameters import changed_configuration, declare_configuration, read_configuration
+from bmd_rths_nodes.ros.parameters import (
+    changed_configuration,
+    declare_configuration,
+    read_configuration,
+    refuse_other_name,
+    refuse_unsupported,
+)
 from bmd_rths_nodes.ros.status import NodeStatus
 
 #: How often a node tells its status [s]: before its first step, and afterwards.
@@ -64,6 +71,7 @@ class StageNode(LifecycleNode, ABC):
     def __init__(self, intra_process: IntraProcess) -> None:
         super().__init__(self.ROLE, namespace=NAMESPACE)
         self._intra_process = intra_process
+        refuse_other_name(self, f"/{NAMESPACE}/{self.ROLE}")
         self.config: Config = read_configuration(self)
         declare_configuration(self, self.config, ROLES[self.ROLE].sections)
         self.declare_parameter(
@@ -87,6 +95,10 @@ class StageNode(LifecycleNode, ABC):
         self._last_words = False
         self.ending: Ending | None = None
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
+        self.agreement = Agreement(self.ROLE, intra_process.instance)
+        intra_process.hear_statuses(self.ROLE, self._hear)
+        if intra_process.needs_a_listener():
+            self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
         self._forget_counts()
         triggers.offer(self, self.operator_services())
 
@@ -114,6 +126,23 @@ class StageNode(LifecycleNode, ABC):
         """Return what an operator can ask this node for at any time, by name, as `triggers.offer` takes it."""
         return {}
 
+    def on_peer(self, peer: NodeStatus) -> None:
+        """Take note of what another node of this test says of itself."""
+
+    def on_missed_beginning(self) -> None:
+        """Take note of a test that began without this node."""
+
+    @property
+    def free(self) -> bool:
+        """True when the node is in no test that it would give up for a new one."""
+        return self.state in _TAKING_PART
+
+    def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return what has to be the same in every node that has it, by section."""
+        mapping = self.config.as_mapping()
+        sections = ROLES[self.ROLE].sections
+        return {section: mapping[section] for section in (mapping if sections is None else sections)}
+
     def on_disturbance(self, problem: str) -> None:
         """Take no part in the test any more: somebody else publishes what this node listens to."""
         self.set_state(NodeState.TRIPPED, problem, status.ERROR)
@@ -129,19 +158,6 @@ class StageNode(LifecycleNode, ABC):
             True when it was asked twice.
         """
         return False
-
-    def listen_to_peers(self, on_peer: Callable[[NodeStatus], None]) -> None:
-        """Call a function with every status that a node of this project tells; those of this process come at once."""
-
-        def on_diagnostics(message: DiagnosticArray) -> None:
-            for peer in status.from_message(message):
-                if not self._intra_process.has(peer.role):
-                    on_peer(peer)
-
-        self._intra_process.hear_statuses(self.ROLE, on_peer)
-        self._subscriptions_of.append(
-            self.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, qos.DIAGNOSTICS)
-        )
 
     def publish_to(self, topic: Topic) -> Callable[[int, Any], None]:
         """Create the publisher of a topic and return a function that sends the value of a step."""
@@ -236,6 +252,7 @@ class StageNode(LifecycleNode, ABC):
     def expect_a_new_test(self) -> None:
         """Look for the peers, and begin at step 0."""
         self._forget_counts()
+        self.agreement.begin(self.shared_parameters())
         self.set_state(NodeState.WAITING)
 
     def status_due_within(self, seconds: float) -> None:
@@ -260,8 +277,9 @@ class StageNode(LifecycleNode, ABC):
         if now >= self._status_due:
             idle = self.steps == self._steps_told
             if idle and self.state in (NodeState.WAITING, NodeState.READY):
-                self.state = NodeState.READY if now >= self._settled_at and self._matched() else NodeState.WAITING
-                self.note = self._disturbance()
+                self.note = self._disturbance() or self.agreement.obstacle(now)
+                found = now >= self._settled_at and not self.note and self._matched()
+                self.state = NodeState.READY if found else NodeState.WAITING
             self._steps_told = self.steps
             self.publish_status()
         if now >= self._look_due:
@@ -279,6 +297,7 @@ class StageNode(LifecycleNode, ABC):
         own = self._status(
             {
                 **self.status_values(),
+                **self.agreement.values(),
                 "lost": str(self.lost),
                 "out_of_order": str(self.out_of_order),
                 "malformed": str(self.malformed),
@@ -289,7 +308,8 @@ class StageNode(LifecycleNode, ABC):
         self._intra_process.tell_status(self.ROLE, own)
 
     def _status(self, values: Mapping[str, str]) -> NodeStatus:
-        return NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values)
+        values = {**values, **self.agreement.identity()}
+        return NodeStatus(self.get_fully_qualified_name(), self.state, self.level, self.note, values, time.time())
 
     def make_safe(self, ending: Ending) -> None:
         """Leave everything safe, because the process ends.
@@ -369,6 +389,24 @@ class StageNode(LifecycleNode, ABC):
 
     # ---- details
 
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for peer in status.from_message(message):
+            if peer.instance != self._intra_process.instance:
+                self._intra_process.tell_status("", peer)
+
+    def _hear(self, peer: NodeStatus) -> None:
+        """Believe the nodes of this test and nobody else."""
+        unbound = not self.agreement.run
+        heard = self.agreement.hear(peer, time.perf_counter(), self.free)
+        if heard is Heard.ADOPTED:
+            self.status_due_within(0.0)
+        elif heard is Heard.LATE:
+            self.on_missed_beginning()
+        elif heard is Heard.RIVAL and peer.run and unbound and self.free:
+            self.on_disturbance(f"refused: a second {self.ROLE} takes part in the test ({peer.instance})")
+        if heard in (Heard.BELIEVED, Heard.ADOPTED) and self.configured:
+            self.on_peer(peer)
+
     def _forget_counts(self) -> None:
         """Begin to count anew: the next step of each topic, and what went wrong."""
         self._expected: dict[str, int] = {}
@@ -383,8 +421,6 @@ class StageNode(LifecycleNode, ABC):
             needed -= self._intra_process.consumers(topic.name)
             if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
                 return False
-        if self._disturbance():
-            return False
         heard = (subscription.get_publisher_count() for subscription in self._subscriptions_of)
         return all(heard) and all(count_publishers() for _, count_publishers in self._inputs)
 
@@ -406,6 +442,7 @@ class StageNode(LifecycleNode, ABC):
             reason = f"{self.ROLE} is configured; parameters can be changed after the cleanup transition"
             return SetParametersResult(successful=False, reason=reason)
         try:
+            refuse_unsupported(parameters)
             self.config = changed_configuration(self.config, parameters)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))

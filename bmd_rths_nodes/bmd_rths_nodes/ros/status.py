@@ -32,6 +32,8 @@ class NodeStatus:
         One line for a person.
     values : Mapping of str to str
         Everything else.
+    stamp : float
+        Wall time at which it was said [s].
     """
 
     node: str
@@ -39,6 +41,17 @@ class NodeStatus:
     level: bytes = OK
     message: str = ""
     values: Mapping[str, str] = field(default_factory=dict)
+    stamp: float = 0.0
+
+    @property
+    def run(self) -> str:
+        """Id of the test the node takes part in; empty while there is none."""
+        return self.values.get("run", "")
+
+    @property
+    def instance(self) -> str:
+        """What tells its process from every other one."""
+        return self.values.get("instance", "")
 
     @property
     def role(self) -> str:
@@ -90,9 +103,10 @@ def from_message(message: DiagnosticArray) -> list[NodeStatus]:
     list of NodeStatus
     """
     found = []
+    stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     for entry in message.status:
         values = {pair.key: pair.value for pair in entry.values}
         state = values.pop("state", "")
         if entry.hardware_id == HARDWARE_ID and state in _STATES:
-            found.append(NodeStatus(entry.name, NodeState(state), entry.level, entry.message, values))
+            found.append(NodeStatus(entry.name, NodeState(state), entry.level, entry.message, values, stamp))
     return found

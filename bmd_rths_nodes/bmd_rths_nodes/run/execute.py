@@ -83,6 +83,7 @@ def run_on_ros(
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
         supervisor = Supervisor(modules, parameter_file, Path(scratch))
+        monitor.believe_only(supervisor.owns)
         operator = OperatorStop(monitor, supervisor, interrupts, log, config.table.halt_time)
         # Twice: what the clock has added up to may have to be taken back by a second way.
         time_to_rest = 2.0 * longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
@@ -93,3 +94,4 @@ def run_on_ros(
             return RecordedRun(bag, follower.problem)
         finally:
             supervisor.stop(time_to_rest, interrupts, log, hurried=operator.leaving)
+            monitor.believe_only(lambda told: True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER
+from bmd_rths_nodes.run.graph_state import number
 from bmd_rths_nodes.run.monitor import RunMonitor
 from bmd_rths_nodes.run.operator_stop import OperatorStop
 from bmd_rths_nodes.run.processes import Supervisor
@@ -72,9 +73,10 @@ class RunFollower:
     def progress(self) -> tuple[str, int]:
         """A text of the state of the run, and the steps begun."""
         told = self._monitor.status.get(NUMERICAL_SUBSTRUCTURE)
-        if told is None or "step" not in told.values:
+        step = None if told is None else number(told.values.get("step"))
+        if told is None or step is None:
             return "starting", 0
-        words = f"{told.state}, {told.values['missed_deadlines']} deadlines missed"
+        words = f"{told.state}, {number(told.values.get('missed_deadlines')) or 0} deadlines missed"
         if self._operator.asked:
             words = "stopping"
             driver = self._monitor.status.get(TABLE_DRIVER)
@@ -83,7 +85,7 @@ class RunFollower:
                 words = "stopping, the table moves"
             elif table and told.state == NodeState.ENDED:
                 words = "stopping, the bag is being closed"
-        return words, int(told.values["step"])
+        return words, int(step)
 
     def look(self) -> Path | None:
         """Hear what is told and judge it.
@@ -102,11 +104,15 @@ class RunFollower:
         if self._operator.asked and (self._started or not self._state):  # what is not heard of may be a test
             self._operator.update()
         recorder = self._monitor.status.get(RECORDER)
-        if recorder is not None and recorder.state == NodeState.ENDED:
-            return Path(recorder.values["bag"])
-        if recorder is not None and recorder.state == NodeState.TRIPPED and not self.problem:
-            self.problem = f"{RECORDER}: {recorder.message}"
-            self._wait_for(self._time_to_rest + FAREWELL_TIME)
+        if recorder is not None:
+            deactivated = recorder.state is NodeState.INACTIVE and self._started
+            if deactivated:  # a test that is not recorded is of no use
+                self.problem = self.problem or f"{RECORDER}: it was deactivated before the test had ended"
+            if (deactivated or recorder.state is NodeState.ENDED) and recorder.values.get("bag"):
+                return Path(recorder.values["bag"])
+            if recorder.state is NodeState.TRIPPED and not self.problem:
+                self.problem = f"{RECORDER}: {recorder.message}"
+                self._wait_for(self._time_to_rest + FAREWELL_TIME)
         self._judge_processes()
         if time.perf_counter() > self._give_up or self._operator.leaving:
             raise RunFailed(self.problem or self._excuse())

@@ -54,7 +54,7 @@ def take_snapshot(
 def _node(told: NodeStatus | None, silence: float | None, there: bool) -> dict[str, Any]:
     if told is None:
         return {"state": None, "message": "has told nothing yet", "there": there}
-    counts = {name: _number(told.values.get(name)) for name in COUNTS}
+    counts = {name: number(told.values.get(name)) for name in COUNTS}
     return {"state": told.state, "message": told.message, "there": there, "told_s_ago": silence, **counts}
 
 
@@ -63,10 +63,10 @@ def _test(told: NodeStatus | None) -> dict[str, Any] | None:
         return None
     values = told.values
     return {
-        **{name: _number(values.get(name)) for name in _TEST_COUNTS},
+        **{name: number(values.get(name)) for name in _TEST_COUNTS},
         **{name: values.get(name, "") for name in _TEST_TEXTS},
-        "closure_ms": {name: _number(values.get(key)) for name, key in _CLOSURE.items()},
-        "stability_indicator": _number(values.get("stability_indicator")),
+        "closure_ms": {name: number(values.get(key)) for name, key in _CLOSURE.items()},
+        "stability_indicator": number(values.get("stability_indicator")),
     }
 
 
@@ -81,9 +81,9 @@ def _table(told: NodeStatus | None) -> dict[str, Any] | None:
         "trips": [trip for trip in values.get("trips", "").split(" | ") if trip],
         **{
             name: {
-                "now": _number(values.get(name)),
-                "peak": _number(values.get(f"peak_{name}")),
-                "limit": _number(values.get(f"{name}_limit")),
+                "now": number(values.get(name)),
+                "peak": number(values.get(f"peak_{name}")),
+                "limit": number(values.get(f"{name}_limit")),
             }
             for name in _MOTIONS
         },
@@ -94,7 +94,7 @@ def _recording(told: NodeStatus | None) -> dict[str, Any] | None:
     if told is None or not told.values.get("bag"):
         return None
     bag = told.values["bag"]
-    return {"bag": bag, "messages": _number(told.values.get("messages")), "bytes": _size(Path(bag))}
+    return {"bag": bag, "messages": number(told.values.get("messages")), "bytes": _size(Path(bag))}
 
 
 def _size(bag: Path) -> int | None:
@@ -103,8 +103,14 @@ def _size(bag: Path) -> int | None:
     return sum(sizes) if sizes else None
 
 
-def _number(text: str | None) -> float | int | None:
-    """Return a number; None for what is none, because a node of somebody else may tell anything."""
+def number(text: str | None) -> float | int | None:
+    """Return a number; None for what is none, because a node of somebody else may tell anything.
+
+    Parameters
+    ----------
+    text : str or None
+        What was told.
+    """
     try:
         value = float(text or "nan")
     except ValueError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from types import TracebackType
 
 import rclpy
@@ -33,7 +34,7 @@ class RunMonitor:
     Attributes
     ----------
     status : dict of str to NodeStatus
-        Latest status of every role heard of.
+        Latest status of every role heard of. One that was told before, which a bag that is played repeats, is not.
     heard : dict of str to float
         When it came, by `time.perf_counter` [s].
     table : TriggerClients
@@ -42,6 +43,8 @@ class RunMonitor:
 
     def __init__(self, discovery_time: float = DISCOVERY_TIME) -> None:
         self._discovery_time = discovery_time
+        self._believes: Callable[[NodeStatus], bool] = lambda told: True
+        self._seen: set[str] = set()
         self.status: dict[str, NodeStatus] = {}
         self.heard: dict[str, float] = {}
 
@@ -64,6 +67,23 @@ class RunMonitor:
         """Stop listening."""
         self._node.destroy_node()
         rclpy.try_shutdown()
+
+    def believe_only(self, believes: Callable[[NodeStatus], bool]) -> None:
+        """Forget what was told so far, and listen to some nodes only.
+
+        Parameters
+        ----------
+        believes : callable
+            Tells whether a status is one of theirs.
+        """
+        self._believes = believes
+        self._forget()
+
+    @property
+    def live(self) -> dict[str, NodeStatus]:
+        """Latest status of every role whose node is, or was, on the domain: a bag that is played has no such node."""
+        self._seen.update(self.nodes_there())
+        return {role: told for role, told in self.status.items() if role in self._seen}
 
     def update(self, seconds: float) -> None:
         """Listen for some time.
@@ -112,8 +132,7 @@ class RunMonitor:
         """
         give_up = time.perf_counter() + longest
         while self.nodes_already_there() and time.perf_counter() < give_up:
-            self.status.clear()
-            self.heard.clear()
+            self._forget()
             self.update(0.05)
 
     def nodes_there(self) -> list[str]:
@@ -129,5 +148,12 @@ class RunMonitor:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for told in status.from_message(message):
-            self.status[told.role] = told
-            self.heard[told.role] = time.perf_counter()
+            before = self.status.get(told.role)
+            if self._believes(told) and (before is None or told.stamp >= before.stamp):
+                self.status[told.role] = told
+                self.heard[told.role] = time.perf_counter()
+
+    def _forget(self) -> None:
+        self.status.clear()
+        self.heard.clear()
+        self._seen.clear()

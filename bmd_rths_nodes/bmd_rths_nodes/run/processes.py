@@ -11,8 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bmd_rths_nodes.ros.agreement import is_of_process
 from bmd_rths_nodes.ros.ending_signals import REPEAT_TIME
 from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
+from bmd_rths_nodes.ros.status import NodeStatus
 
 #: Time a process is given to end after SIGINT before it is killed [s], besides the way of the table to rest.
 PATIENCE = 4.0
@@ -90,6 +92,16 @@ class Supervisor:
     def lost(self) -> Supervised | None:
         """Return a process that has ended, if there is one."""
         return next((p for p in self.processes if p.process.poll() is not None), None)
+
+    def owns(self, status: NodeStatus) -> bool:
+        """Tell whether a status was told by one of the processes, and not by a node of somebody else.
+
+        Parameters
+        ----------
+        status : NodeStatus
+            The status.
+        """
+        return any(is_of_process(status.instance, supervised.process.pid) for supervised in self.processes)
 
     @property
     def first_runs(self) -> bool:
