@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -122,11 +123,11 @@ class NumericalSubstructureNode(StageNode):
     def poll(self, now: float) -> float:
         """Let the conductor do what is due, and tell what has come of it."""
         if not self.configured or self.state is NodeState.INACTIVE:
-            return super().poll(now)
+            return math.inf
         ready = self.state is NodeState.READY and not self.agreement.obstacle(now)
         due = self._conductor.poll(now, ready)
         self._tell_changes()
-        return min(super().poll(now), due)
+        return due
 
     def _on_step(self, begun: Begun) -> None:
         self._send_desired_acceleration(begun.step, begun.desired_acceleration)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import time
@@ -159,8 +160,8 @@ class RecorderNode(StageNode):
                 self._close_as_told(self._end)
             elif self._end is None and self.steps > 0 and silence > self._longest_silence():
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
-            return min(super().poll(now), self._flush_due)
-        return super().poll(now)
+            return self._flush_due
+        return math.inf
 
     def _is_quiet(self, silence: float, end: End) -> bool:
         """Tell whether nothing more is to be expected."""

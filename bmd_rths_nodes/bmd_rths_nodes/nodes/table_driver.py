@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -116,10 +117,10 @@ class TableDriverNode(StageNode):
     def poll(self, now: float) -> float:
         """Let the driver do what is due, and tell what has come of it."""
         if not self.configured:
-            return super().poll(now)
+            return math.inf
         due = self._driver.poll(now)
         self._tell_changes()
-        return min(super().poll(now), due)
+        return due
 
     @property
     def drives(self) -> bool:

@@ -31,6 +31,15 @@ WAKE_UP_MARGIN = 0.0003
 #: Longest wait in the middleware [s], because signals are seen only between two waits.
 LONGEST_WAIT = 0.05
 
+#: Time that housekeeping of a node may take [s]; it is done where so much is left before something is due, ...
+HOUSEKEEPING_TIME = 0.002
+
+#: ... just after a message, or where none has come for this long [s], ...
+LONGEST_STEP = 0.05
+
+#: ... and in any case after this time [s].
+HOUSEKEEPING_PATIENCE = 0.3
+
 #: Environment variable with the process id of the parent this process must not outlive.
 SUPERVISOR_VARIABLE = "BMD_RTHS_SUPERVISOR"
 
@@ -114,13 +123,24 @@ def _spin(
         if not any(node.drives for node in nodes):
             for node in nodes:
                 node.flush_log()
-        wait = due - clock()
+        house = min(nodes, key=lambda node: node.house_due)
+        if house.house_due <= now and _leaves_time(now, due, nodes, house.house_due):
+            house.keep_house(now)
+            continue
+        wait = min(due, max(house.house_due, now + HOUSEKEEPING_TIME)) - clock()
         if wait > WAKE_UP_MARGIN:
             executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
         else:  # what has arrived is read up to the last moment, and by a process that is late
             executor.spin_once(timeout_sec=0.0)
             while clock() < due:
                 executor.spin_once(timeout_sec=0.0)
+
+
+def _leaves_time(now: float, due: float, nodes: Sequence[StageNode], house_due: float) -> bool:
+    """Tell whether there is time for housekeeping: a message was just handled, or none comes, and nothing is due."""
+    since = now - max(node.stepped_at for node in nodes)
+    between_steps = since < 0.5 * HOUSEKEEPING_TIME or since > LONGEST_STEP
+    return (due - now > HOUSEKEEPING_TIME and between_steps) or now - house_due > HOUSEKEEPING_PATIENCE
 
 
 def _autostart(node: StageNode) -> str:

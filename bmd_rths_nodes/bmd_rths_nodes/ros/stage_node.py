@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -92,6 +93,7 @@ class StageNode(LifecycleNode, ABC):
         self._settled_at = 0.0 if at_once else time.perf_counter() + self.config.run.settling_time
         self._look_due = 0.0
         self._status_told = self._status_due = 0.0
+        self.stepped_at = 0.0
         self._last_words = False
         self.ending: Ending | None = None
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
@@ -205,6 +207,7 @@ class StageNode(LifecycleNode, ABC):
                 self.lost += index - expected
             self._expected[name] = index + 1
             self.steps += 1
+            self.stepped_at = time.perf_counter()
             step(index, value)
 
         if self._intra_process.has(topic.producer):
@@ -262,7 +265,7 @@ class StageNode(LifecycleNode, ABC):
     # ---- for the spin loop
 
     def poll(self, now: float) -> float:
-        """Do what is due.
+        """Do what the loop waits for.
 
         Parameters
         ----------
@@ -273,6 +276,21 @@ class StageNode(LifecycleNode, ABC):
         -------
         float
             When to call again at the latest.
+        """
+        return math.inf
+
+    @property
+    def house_due(self) -> float:
+        """When to call `keep_house`, as soon as the loop leaves time for it."""
+        return min(self._status_due, self._look_due)
+
+    def keep_house(self, now: float) -> None:
+        """Do what the loop does not wait for: tell the status, and look whether somebody else publishes.
+
+        Parameters
+        ----------
+        now : float
+            Time of `time.perf_counter` [s].
         """
         if now >= self._status_due:
             idle = self.steps == self._steps_told
@@ -287,7 +305,6 @@ class StageNode(LifecycleNode, ABC):
             under_way = self.steps > self._steps_told and self.state in _TAKING_PART
             if under_way and (problem := self._disturbance()):
                 self.on_disturbance(problem)
-        return min(self._status_due, self._look_due)
 
     def publish_status(self) -> None:
         """Tell the status now."""
