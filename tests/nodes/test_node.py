@@ -379,18 +379,10 @@ def test_node_settles_before_a_real_table_in_real_time_so_that_nobody_is_discove
                 told.append(next(pair.value for pair in entry.values if pair.key == "state"))
 
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
-    script = """
-import sys
-from bmd_rths_nodes.nodes.composed_loop import LOOP_NODES
-from bmd_rths_nodes.ros import spin, stage_node
-
-stage_node.SETTLING_TIME = 1000.0
-sys.exit(spin.run_nodes(LOOP_NODES))
-"""
     parameters = tmp_path / "parameters.yaml"
-    with emulator(LOCKSTEP.changed(run__lockstep=lockstep, run__record=False)) as (_, config):
+    with emulator(LOCKSTEP.changed(run__lockstep=lockstep, run__record=False, run__settling_time=60.0)) as (_, config):
         parameters.write_text(dump_config(config))
-        loop = start("-c", script, "--ros-args", "--params-file", parameters)
+        loop = start("-m", "bmd_rths_nodes.nodes.composed_loop", "--ros-args", "--params-file", parameters)
         if lockstep:
             wait_until(lambda: client.spin_some() or "ended" in told)
         else:
