@@ -368,9 +368,8 @@ sys.exit(spin.run_nodes(LOOP_NODES, ["--ros-args", "-p", "run.record:=false"]))
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
-def test_node_settles_before_a_real_table_in_real_time_so_that_nobody_is_discovered_in_a_test(
-    client, start, tmp_path, lockstep
-):
+def test_driver_of_a_real_table_settles_in_real_time_before_it_is_ready(client, start, lockstep):
+    """Nobody is discovered in a test. In lockstep nobody has to wait for that."""
     told = []
 
     def on_diagnostics(message):
@@ -379,18 +378,13 @@ def test_node_settles_before_a_real_table_in_real_time_so_that_nobody_is_discove
                 told.append(next(pair.value for pair in entry.values if pair.key == "state"))
 
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
-    script = """
-import sys
-from bmd_rths_nodes.nodes.composed_loop import LOOP_NODES
-from bmd_rths_nodes.ros import spin, stage_node
-
-stage_node.SETTLING_TIME = 1000.0
-sys.exit(spin.run_nodes(LOOP_NODES))
-"""
-    parameters = tmp_path / "parameters.yaml"
-    with emulator(LOCKSTEP.changed(run__lockstep=lockstep, run__record=False)) as (_, config):
-        parameters.write_text(dump_config(config))
-        loop = start("-c", script, "--ros-args", "--params-file", parameters)
+    with emulator(LOCKSTEP.changed(run__lockstep=lockstep)) as (_, config):
+        settings = (
+            *("run.record:=false", f"run.lockstep:={str(lockstep).lower()}", "run.settling_time:=60.0"),
+            *("table.controller:=udp", f"table.address:={config.table.address}", "ground_motion.duration:=0.5"),
+        )
+        given = [word for setting in settings for word in ("-p", setting)]
+        loop = start("-m", "bmd_rths_nodes.nodes.composed_loop", "--ros-args", *given)
         if lockstep:
             wait_until(lambda: client.spin_some() or "ended" in told)
         else:
