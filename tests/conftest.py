@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+import pytest
+from hypothesis import settings
 
 # As the programs do, before numpy is imported: on a busy machine the threads of the linear algebra wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Some hundred processes are started: none of them shall compile the sources again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# How long an example takes says more about what else the machine does than about the code.
+settings.register_profile("bmd_rths", deadline=None)
+settings.load_profile("bmd_rths")
 
 #: Changes of a configuration: nothing stops the table but a value that is not finite.
 WITHOUT_LIMITS = {
@@ -27,3 +39,23 @@ def ground_motion_folder() -> Path:
     """Return where the real records are: they belong to their agencies and are no part of this repository."""
     beside_the_repository = Path(__file__).resolve().parents[2] / "shared" / "ground_motions"
     return Path(os.environ.get("BMD_RTHS_GROUND_MOTIONS", beside_the_repository))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Let a test that is marked `alone` wait until the other workers of pytest-xdist do nothing, and have them wait."""
+    if not hasattr(item.config, "workerinput"):
+        return (yield)
+    shared: Path = item.config._tmp_path_factory.getbasetemp().parent  # type: ignore[attr-defined]
+    with _turn(shared, alone=item.get_closest_marker("alone") is not None):
+        return (yield)
+
+
+@contextmanager
+def _turn(folder: Path, alone: bool) -> Iterator[None]:
+    """Share the machine, or have it alone. Who waits for it alone is in the door, so that nobody else gets in first."""
+    with open(folder / "door", "a") as door, open(folder / "room", "a") as room:
+        fcntl.flock(door, fcntl.LOCK_EX)
+        fcntl.flock(room, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        fcntl.flock(door, fcntl.LOCK_UN)
+        yield

@@ -163,7 +163,13 @@ class Config:
         return compensator(self.run.scheme)
 
     def section(self, name: str) -> Any:
-        """Return a section by its name."""
+        """Return a section by its name.
+
+        Parameters
+        ----------
+        name : str
+            Of a field of this class, or of the section of a compensator.
+        """
         return next((own for own in self.compensation if name == own.SECTION), None) or getattr(self, name)
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:

@@ -105,7 +105,11 @@ WRONG = {
     "record is a folder": ("good.yaml", ["--motion", "folder.at2"], ["folder.at2", "directory"]),
     "time step is no divisor": ("good.yaml", ["--motion", "odd.at2"], ["0.007", "0.005"]),
     "duration beyond the record": ("good.yaml", ["--set", "ground_motion.duration=99.0"], ["99", "17.9909"]),
-    "negative mass": ("good.yaml", ["--set", "specimen.masses=[-760.0, 800.0]"], ["specimen.masses", "-760", "> 0 kg"]),
+    "negative mass": (
+        "good.yaml",
+        ["--set", "specimen.masses=[-760.0, 800.0]"],
+        ["specimen.masses", "-760", ">= 0.1 kg"],
+    ),
     "unknown key": ("good.yaml", ["--set", "specimen.mases=[1.0]"], ["specimen.mases", "unknown parameter"]),
     "old name": (
         "good.yaml",
@@ -143,7 +147,7 @@ def wrong_files(tmp_path):
         "short.at2": AT2.format(dt=".0200", value=""),
         "odd.at2": AT2.format(dt=".0070", value=".2E-01"),
         "text.at2": "this is no record\n",
-        "record.xyz": "1 2 3\n",
+        "record.xyz": "words\n",
         "a_file": "",
     }
     for name, text in texts.items():

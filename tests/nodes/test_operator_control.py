@@ -254,6 +254,7 @@ SLOW = {
     "run__time_step": 0.02,
     "table__answer_timeout": 0.012,
     "run__longest_miss_time": 40,
+    "run__preflight": "skip",
     "safety__stale_shear_time": 200,
     "safety__stale_controller_time": 200,
     "safety__ramp_acceleration": 0.02,

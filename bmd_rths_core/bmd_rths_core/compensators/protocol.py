@@ -30,10 +30,27 @@ class Shaper(Protocol):
         """Return to rest before step 0."""
 
     def step(self, desired_acceleration: float) -> float:
-        """Return the command of this step [m/s²] for the absolute interface acceleration [m/s²]."""
+        """Return the command of this step.
+
+        Parameters
+        ----------
+        desired_acceleration : float
+            Absolute acceleration of the interface [m/s²].
+
+        Returns
+        -------
+        float
+            Acceleration command of the table [m/s²].
+        """
 
     def learn(self, measurement: TableMeasurement) -> None:
-        """Take in what the sensors said at the end of a step; a step whose measurement is lost has no call."""
+        """Take in what the sensors said at the end of a step; a step whose measurement is lost has no call.
+
+        Parameters
+        ----------
+        measurement : TableMeasurement
+            Of that step.
+        """
 
     def state_space(self) -> DiscreteStateSpace | None:
         """Return the shaper as a linear system, or None where it is not linear.
@@ -115,7 +132,13 @@ class InterfaceControl(Protocol):
         """
 
     def learn(self, measurement: TableMeasurement) -> None:
-        """Take in what the sensors said at the end of a step; a step whose measurement is lost has no call."""
+        """Take in what the sensors said at the end of a step; a step whose measurement is lost has no call.
+
+        Parameters
+        ----------
+        measurement : TableMeasurement
+            Of that step.
+        """
 
     def state_space(self) -> LinearControl | None:
         """Return the control as a linear system, or None where it is not linear."""

@@ -51,6 +51,11 @@ def compensators() -> Mapping[str, Compensator]:
 def compensator(name: str) -> Compensator:
     """Return a compensator by its name.
 
+    Parameters
+    ----------
+    name : str
+        Of configuration and command line.
+
     Raises
     ------
     InputError

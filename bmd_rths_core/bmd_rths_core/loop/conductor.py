@@ -86,7 +86,13 @@ class NumericalStage(Protocol):
         """
 
     def learn(self, measurement: TableMeasurement) -> None:
-        """Take in what the sensors said at the end of a step."""
+        """Take in what the sensors said at the end of a step.
+
+        Parameters
+        ----------
+        measurement : TableMeasurement
+            Of that step.
+        """
 
 
 class Peer(NamedTuple):

@@ -57,7 +57,15 @@ class WayToRest:
         return self._plan is not None
 
     def ended(self, motion: Motion, planner: Planner) -> bool:
-        """Tell whether all commands were given, and no further way is to follow."""
+        """Tell whether all commands were given, and no further way is to follow.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion of the table now.
+        planner : callable
+            Makes the commands.
+        """
         return self._plan == [] and not self._correctable(motion, planner)
 
     def abandon(self) -> None:
@@ -65,7 +73,15 @@ class WayToRest:
         self._plan = None
 
     def observe(self, step: int, displacement: float) -> None:
-        """Take a measured displacement [m]."""
+        """Take a measured displacement.
+
+        Parameters
+        ----------
+        step : int
+            Step of the measurement.
+        displacement : float
+            Displacement of the table [m].
+        """
         self._settling.observe(step, displacement)
 
     def next(self, motion: Motion, planner: Planner | None) -> float | None:
@@ -92,7 +108,13 @@ class WayToRest:
         return self._pop()
 
     def watches(self, step: int) -> bool:
-        """Tell whether the table is still to be watched at the end of the way, with zero acceleration."""
+        """Tell whether the table is still to be watched at the end of the way, with zero acceleration.
+
+        Parameters
+        ----------
+        step : int
+            Step of the next command.
+        """
         return self._settling.watches(step)
 
     def found(self) -> Motion | None:
@@ -101,7 +123,20 @@ class WayToRest:
         return found if found is not None and abs(found.displacement) <= self._config.displacement_limit else None
 
     def correct(self, motion: Motion, planner: Planner) -> float | None:
-        """Begin a gentle way from a motion that was seen, and return its first command."""
+        """Begin a gentle way from a motion that was seen, and return its first command.
+
+        Parameters
+        ----------
+        motion : Motion
+            The motion that was seen.
+        planner : callable
+            Makes the commands.
+
+        Returns
+        -------
+        float or None
+            Acceleration command [m/s²]; None when there is none.
+        """
         self._begin(motion, planner, self._gentle)
         self._corrections += 1
         return self._pop()

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bmd_rths_core.bounded_yaml import parse_yaml
 from bmd_rths_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -113,6 +112,8 @@ def parsed_settings(settings: Iterable[str]) -> dict[str, object]:
     InputError
         One of them is malformed.
     """
+    from bmd_rths_core.bounded_yaml import parse_yaml
+
     changes: dict[str, object] = {}
     for setting in settings:
         name, equals, value = setting.partition("=")

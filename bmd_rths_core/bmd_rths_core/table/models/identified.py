@@ -120,6 +120,11 @@ class IdentifiedModelConfig:
     def specimen(self, nominal: ShearBuilding) -> ShearBuilding:
         """Return the identified specimen with the given floor masses, or the nominal one where none was identified.
 
+        Parameters
+        ----------
+        nominal : ShearBuilding
+            Its floor masses, and the specimen where none was identified.
+
         Raises
         ------
         InputError
@@ -134,7 +139,13 @@ class IdentifiedModelConfig:
         return ShearBuilding(nominal.masses, self.stiffnesses, self.damping_coefficients)
 
     def plant(self, specimen: ShearBuilding) -> Plant | None:
-        """Return table and specimen as one system without the pure delay, or None where no table was identified."""
+        """Return table and specimen as one system without the pure delay, or None where no table was identified.
+
+        Parameters
+        ----------
+        specimen : ShearBuilding
+            The specimen on the table.
+        """
         if self.table == "none":
             return None
         if self.table == "sections":

@@ -98,5 +98,10 @@ def noise_streams(seed: int) -> tuple[np.random.Generator, np.random.Generator]:
     """Return the random streams of a seed: accelerometers and load cells, then displacement and force.
 
     Two streams, so that the noise of the one pair does not depend on whether the other is read.
+
+    Parameters
+    ----------
+    seed : int
+        Of the run.
     """
     return np.random.default_rng(seed), np.random.default_rng((seed, 1))
