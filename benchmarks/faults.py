@@ -1,7 +1,7 @@
 """Fault campaign: random faults by seed, in virtual time and with real processes, and a table of what they came to.
 
 After every fault the table has to be at rest within its ramp time, no hard limit may have been passed by more than a
-step's motion, the reason has to be told, the bag has to open, and no process may be left (docs/faults.md). The kinds
+step's motion, the reason has to be told, the bag has to open, and no process may be left (docs/explanation/faults.md). The kinds
 take turns. Run it with
 
     python benchmarks/faults.py                       # 246 faults, twenty minutes or more
