@@ -3,9 +3,18 @@
 import os
 import re
 import runpy
+import subprocess
+import sys
+import textwrap
+import types
 from pathlib import Path
 
 import pytest
+
+from bmd_rths_core import RthsLoop, load_config, select_ground_motion
+from bmd_rths_core.analysis.run_analysis import analysed
+from bmd_rths_core.plots.svg import svg
+from bmd_rths_core.report.reported_run import ReportedRun
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -13,7 +22,10 @@ INDEX = DOCS / "index.md"
 PICTURE = DOCS / "images" / "loop_and_response.svg"
 
 PAGES = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "bags/README.md", "benchmarks/README.md")),
+    *(
+        ROOT / name
+        for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "bags/README.md", "benchmarks/README.md")
+    ),
     *sorted(DOCS.rglob("*.md")),
 ]
 
@@ -101,4 +113,48 @@ def test_picture_shows_the_run_that_the_readme_tells_of():
     assert error in drawn["picture"](found).decode()
     kept = PICTURE.read_text(encoding="utf-8")
     assert error in kept, "run: python docs/draw_picture.py > docs/images/loop_and_response.svg"
-    assert f"superstructure       │ {found.rmse_percent:.2f} %" in (ROOT / "README.md").read_text(encoding="utf-8")
+    told = re.search(r"RMSE superstructure +│ ([0-9.]+) %", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert told[1] == f"{found.rmse_percent:.2f}"
+
+
+def code_of(page, language="python"):
+    """Return the first block of code of a page."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return textwrap.dedent(re.search(rf"^ *```{language}\n(.*?)^ *```", text, flags=re.MULTILINE | re.DOTALL)[1])
+
+
+def test_compensator_of_the_page_is_found_by_its_name(tmp_path):
+    """As its page says: a package of its own, an entry point, and a section of the configuration."""
+    package, metadata = tmp_path / "my_package", tmp_path / "my_package-1.0.dist-info"
+    package.mkdir()
+    metadata.mkdir()
+    (package / "__init__.py").touch()
+    (package / "derivative.py").write_text(code_of("how-to/add_a_compensator.md"), encoding="utf-8")
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my_package\nVersion: 1.0\n", encoding="utf-8")
+    page = (DOCS / "how-to" / "add_a_compensator.md").read_text(encoding="utf-8")
+    group, entry = re.search(r'entry_points = {"(.*?)": \["(.*?)"\]}', page).groups()
+    (metadata / "entry_points.txt").write_text(f"[{group}]\n{entry}\n", encoding="utf-8")
+    given = ("--scheme", "derivative", "--set", "derivative_lead.lead_time=0.01", "--set", "ground_motion.duration=1")
+    finished = subprocess.run(
+        [sys.executable, "-m", "bmd_rths_nodes.cli.main", "simulate", ROOT / "config/simplified_bmd.yaml", *given],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert "el_centro_1940_ns, derivative: finished" in finished.stdout
+
+
+def test_section_of_the_page_is_drawn():
+    section = {"__name__": "my_section"}
+    sys.modules["my_section"] = types.ModuleType("my_section")  # dataclasses look their module up
+    try:
+        exec(code_of("how-to/add_a_report_section.md"), section)
+    finally:
+        del sys.modules["my_section"]
+    config = load_config(ROOT / "config" / "simplified_bmd.yaml").changed(ground_motion__duration=1.0)
+    record = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+    (block,) = section["blocks"](ReportedRun(analysed(record), "a run in process has no timing"))
+    assert block.caption == section["CAPTION"]
+    assert b"</svg>" in svg(block.drawing.draw, block.drawing.height)
