@@ -1,8 +1,8 @@
 """Fault campaign: random faults by seed, in virtual time and with real processes, and a table of what they came to.
 
 After every fault the table has to be at rest within its ramp time, no hard limit may have been passed by more than a
-step's motion, the reason has to be told, the bag has to open, and no process may be left (docs/faults.md). The kinds
-take turns. Run it with
+step's motion, the reason has to be told, the bag has to open, and no process may be left. The kinds take turns;
+docs/explanation/faults.md has the results. Run it with
 
     python benchmarks/faults.py                       # 246 faults, twenty minutes or more
     python benchmarks/faults.py --count 20 --processes 0 --only loss --seed 3 --json

@@ -1,4 +1,4 @@
-"""Print docs/parameters.md from the declarations of the configuration: python docs/generate_parameters.py."""
+"""Print docs/reference/parameters.md from the declarations of the configuration: python docs/generate_parameters.py."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TYPES = {float: "number", int: "whole number", bool: "flag", str: "text"}
 
 
 def page() -> str:
-    """Return the text of docs/parameters.md."""
+    """Return the text of docs/reference/parameters.md."""
     parts = [INTRODUCTION]
     for name, section in SECTIONS.items():
         summary = (section.__doc__ or "").strip().splitlines()[0]

@@ -35,7 +35,7 @@ class TimingStatistics:
     missed_steps : tuple of int
         Indices of the steps that missed.
     late_ticks : int
-        Ticks that came more than one time step late, so that the schedule was moved.
+        Ticks that came more than half a time step late, so that the schedule was moved.
     closure_ms : Mapping of str to float
         ``p50``, ``p99`` and ``max`` of the time from the publication of the desired acceleration to the arrival of
         the corrected shear of the same step [ms].

@@ -17,8 +17,8 @@ def generated():
 
 
 def test_page_is_up_to_date():
-    written = (DOCS / "parameters.md").read_text(encoding="utf-8")
-    assert written == generated(), "run: python docs/generate_parameters.py > docs/parameters.md"
+    written = (DOCS / "reference" / "parameters.md").read_text(encoding="utf-8")
+    assert written == generated(), "run: python docs/generate_parameters.py > docs/reference/parameters.md"
 
 
 def test_every_parameter_has_a_row_in_its_section():

@@ -11,7 +11,7 @@ from bmd_rths_core.record import RunRecord, empty_signals
 from bmd_rths_core.signals import MEASUREMENT, SIGNALS, Instant
 from bmd_rths_core.table.controller import TableMeasurement
 
-NOMENCLATURE = (Path(__file__).parents[2] / "docs" / "nomenclature.md").read_text(encoding="utf-8")
+NOMENCLATURE = (Path(__file__).parents[2] / "docs" / "reference" / "nomenclature.md").read_text(encoding="utf-8")
 
 
 def test_the_record_has_these_signals_in_this_order():

@@ -13,7 +13,7 @@ from bmd_rths_nodes.hardware import controllers
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from tests.nodes.emulation import LOCKSTEP, emulator
 
-PAGE = Path(__file__).parents[2] / "docs" / "table_controllers.md"
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write_a_table_controller.md"
 FLOORS = len(Config().specimen.masses)
 #: Five times the largest noise of the simulated accelerometers.
 NOISE = 5 * Config().simulated_table.acceleration_noise

@@ -56,7 +56,7 @@ class GroundMotionConfig:
         False,
         description="Bring a record to the time step of the loop by band-limited interpolation, also where the two "
         "time steps do not divide each other",
-        source="docs/ground_motions.md",
+        source="docs/reference/ground_motions.md",
     )
     peak_acceleration: float = parameter(
         1.0,

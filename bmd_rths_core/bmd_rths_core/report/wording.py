@@ -87,7 +87,7 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
             f"{timing.max_consecutive_misses} in a row; the last shear was held.{led}"
         )
     if timing is not None and timing.late_ticks:
-        found.append(f"{timing.late_ticks} steps began more than Δt late, and the schedule was moved.")
+        found.append(f"{timing.late_ticks} steps began more than Δt/2 late, and the schedule was moved.")
     if analysis.config.run.preflight == "override":
         found.append("The pre-flight was overridden: the test was run against its prediction.")
     if deviation_percent > _LARGEST_DEVIATION:

@@ -29,7 +29,7 @@ class _Pending(NamedTuple):
 
 
 class UdpTable:
-    """A table controller on the network, as docs/udp_wire_format.md describes it.
+    """A table controller on the network, as docs/reference/udp_wire_format.md describes it.
 
     A command in real time is sent once: without an answer in time its step has no measurement. `begin` and `poll` do
     not wait for it, `exchange` does. All other packets, and commands in lockstep, are sent again with the same sequence

@@ -1,8 +1,8 @@
 """UDP wire format, version 1, between the table driver (host) and a table controller: packets to bytes and back.
 
 Fixed offsets, little-endian, IEEE-754 doubles, SI units, one datagram a packet, as byte-pack blocks of real-time
-targets make them. The layout is described in docs/udp_wire_format.md. A datagram is either decoded as a whole or
-rejected with one reason; no bytes whatever raise an exception.
+targets make them; docs/reference/udp_wire_format.md has the layout. A datagram is decoded as a whole, or rejected with
+one reason; no bytes whatever raise an exception.
 """
 
 from __future__ import annotations

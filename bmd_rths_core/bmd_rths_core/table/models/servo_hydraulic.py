@@ -4,7 +4,7 @@ An acceleration command is integrated twice, with a washout against drift, to th
 proportional-integral displacement loop with differential-pressure feedback drives a servovalve, the valve feeds an oil
 column, and the oil moves platen and specimen, whose base shear acts back on the platen. Non-linear are the flow through
 the valve, its opening, the relief valves, Coulomb friction and the end stops (Merritt, Hydraulic Control Systems,
-1967; Conte and Trombetti, Earthq. Eng. Struct. Dyn. 29, 2000). docs/virtual_table.md compares it with Eq. 9.
+1967; Conte and Trombetti, Earthq. Eng. Struct. Dyn. 29, 2000). docs/reference/virtual_table.md compares it with Eq. 9.
 
 All states are motions: the valve opening as the velocity q it gives without load [m/s], the load pressure as the
 acceleration z it gives the platen [m/s²].
