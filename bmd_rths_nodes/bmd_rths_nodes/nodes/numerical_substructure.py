@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.build import make_numerical_substructure, make_stability_indicator
 from bmd_rths_core.loop.conductor import Begun, Conductor, Peer
@@ -45,6 +46,8 @@ class NumericalSubstructureNode(StageNode):
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
+        if config.compensator.control is not None:
+            raise InputError(f"run.scheme: {config.run.scheme} runs in process only; the nodes do not have it yet")
         self._motion = motion = select_ground_motion(config.ground_motion, config.run.time_step)
         self._stability_indicator = make_stability_indicator(config)
         self._conductor = Conductor(
