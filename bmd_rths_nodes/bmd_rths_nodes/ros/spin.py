@@ -117,22 +117,24 @@ def _spin(
             if not any(node.wants_more_time(waited, ending.hurried) for node in nodes):
                 return
         due = min(node.poll(now) for node in nodes)
-        if intra_process.deliver():
+        delivered = intra_process.deliver()
+        house = min(nodes, key=lambda node: node.house_due)
+        if house.house_due <= now and _leaves_time(now, due, nodes, house.house_due):
+            house.keep_house(now)
+            continue
+        if delivered:
             executor.spin_once(timeout_sec=0.0)  # in lockstep there is always more to deliver
             continue
         if not any(node.drives for node in nodes):
             for node in nodes:
                 node.flush_log()
-        house = min(nodes, key=lambda node: node.house_due)
-        if house.house_due <= now and _leaves_time(now, due, nodes, house.house_due):
-            house.keep_house(now)
-            continue
-        wait = min(due, max(house.house_due, now + HOUSEKEEPING_TIME)) - clock()
+        until = min(due, max(house.house_due, now + HOUSEKEEPING_TIME))
+        wait = until - clock()
         if wait > WAKE_UP_MARGIN:
             executor.spin_once(timeout_sec=min(wait - WAKE_UP_MARGIN, LONGEST_WAIT))
         else:  # what has arrived is read up to the last moment, and by a process that is late
             executor.spin_once(timeout_sec=0.0)
-            while clock() < due:
+            while clock() < until:
                 executor.spin_once(timeout_sec=0.0)
 
 
