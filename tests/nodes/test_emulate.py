@@ -93,7 +93,8 @@ def test_real_time_run_over_a_lossy_network_goes_on_and_counts_in_the_bag(emulat
     emulated = emulate("--fault", "loss=3", "--fault", "bit_flips=3", "--set", "virtual_controller.watchdog=5.0")
     settings = (
         *("run.time_step=0.02", "table.answer_timeout=0.012", "run.longest_miss_time=8"),
-        *("numerical_substructure.masses=[8.0e+6]", "ground_motion.duration=6.0"),
+        *("safety.stale_controller_time=2.0", "safety.stale_shear_time=2.0", "run.preflight=skip"),
+        *("numerical_substructure.masses=[8.0e+6]", "ground_motion.duration=4.0"),
     )
     arguments = [argument for setting in settings for argument in ("--set", setting)]
     arguments += ["--scheme", "uc", "--output", tmp_path, "--json"]
