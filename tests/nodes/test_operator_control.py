@@ -101,6 +101,7 @@ def test_stop_ramps_to_rest_and_is_latched_until_reset(client, driver):
     table.wait_for(table="moving")
 
 
+@pytest.mark.slow
 def test_emergency_stop_acts_also_on_the_way_to_rest(client, driver):
     """In real time, with a way to rest of many seconds."""
     table = driver("run.lockstep:=false", "safety.ramp_acceleration:=0.01", "safety.stale_shear_time:=500")
@@ -195,6 +196,7 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
         assert server.statistics()["state"] == "idle"
 
 
+@pytest.mark.slow
 def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop(client, driver):
     """With a way to rest of many seconds, on which a driver that ends does not answer its services any more."""
     with emulator(LOCKSTEP.changed(run__lockstep=False, virtual_controller__watchdog=10.0)) as (server, config):
@@ -213,6 +215,7 @@ def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop
         assert server.statistics()["interlock"] == Interlock.EMERGENCY_STOP
 
 
+@pytest.mark.slow
 def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client, start, tmp_path):
     parameters = tmp_path / "parameters.yaml"
     config = Config().changed(run__lockstep=True, recorder__directory=str(tmp_path / "bags"))
@@ -285,6 +288,7 @@ def told_by_the_table_driver(bag):
     return [s for m in messages for s in m.status if s.name == "/rths/table_driver"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--composed",)], ids=["five processes", "composed"])
 @pytest.mark.parametrize("controller", ["simulated", "udp"])
 def test_second_ctrl_c_is_an_emergency_stop(bmd_rths, tmp_path, domain, controller, options):
@@ -315,6 +319,7 @@ def test_second_ctrl_c_is_an_emergency_stop(bmd_rths, tmp_path, domain, controll
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(bmd_rths, tmp_path, domain):
     changes = SLOW | {"virtual_controller__watchdog": 10.0, "virtual_controller__model": "servo"}
     quick = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.2}
@@ -334,6 +339,7 @@ def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rths, tmp_path, domain):
     """Where the test is stopped the table is some 10 mm off, which takes about fifteen seconds."""
     ramp = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.0015}
@@ -350,6 +356,7 @@ def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rth
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(start, tmp_path):
     """As a launch system ends them, all at once. The way to rest takes several seconds."""
     changes = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.004}
@@ -370,6 +377,7 @@ def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(star
     assert (last["table"], last["supervisor"]) == ("at rest", "stopped")
 
 
+@pytest.mark.slow
 def test_third_ctrl_c_does_not_wait_for_a_table_driver_that_hangs(bmd_rths, tmp_path, domain):
     child = bmd_rths("run", CONFIG, *arguments(**SLOW), "--output", tmp_path / "bags", "--json")
     wait_until(lambda: begun(tmp_path / "bags"))
