@@ -98,6 +98,7 @@ def where_imported(python, folder, environment):
     return [Path(file) for file in succeed([python, "-c", files], folder, environment).split()]
 
 
+@pytest.mark.slow
 def test_pip(copy, tmp_path, environment, monkeypatch):
     prefix = tmp_path / "venv"
     succeed([sys.executable, "-m", "venv", "--without-pip", prefix], tmp_path, environment)
@@ -114,6 +115,7 @@ def test_pip(copy, tmp_path, environment, monkeypatch):
     assert_installed(dict.fromkeys(PACKAGES, prefix), tmp_path, environment, monkeypatch)
 
 
+@pytest.mark.slow
 def test_colcon(copy, tmp_path, environment, monkeypatch):
     workspace = copy / "ros2_ws"
     colcon = [sys.executable, "-c", "import sys; from colcon_core.command import main; sys.exit(main())"]

@@ -130,6 +130,7 @@ def test_simulate_writes_the_same_bag(offline, bag):
     assert read_bag(bag).same_signals(record)
 
 
+@pytest.mark.slow
 def test_analyze_and_its_reports(offline, bag):
     for ending in ("html", "pdf"):
         report = offline.folder / f"report.{ending}"
@@ -164,6 +165,7 @@ def test_motions(offline):
     assert found["file"].endswith("el_centro_1940_ns.csv")
 
 
+@pytest.mark.slow
 def test_figures(offline):
     done = offline("figures", "simplified_bmd", "--only", "11", "--output", offline.folder / "figures", "--json")
     (figure,) = json.loads(done.stdout)["figures"]

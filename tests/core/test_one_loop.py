@@ -29,6 +29,7 @@ ELSEWHERE = {
     ("bmd_rths_core/table/emulated/virtual_controller.py", "exchange"),
     ("bmd_rths_core/table/emulated/virtual_table.py", "exchange"),
     ("bmd_rths_core/table/udp_controller.py", "begin"),
+    ("bmd_rths_nodes/ros/stage_node.py", "begin"),  # of what the nodes agree on
 }
 
 #: The place, and what it calls.

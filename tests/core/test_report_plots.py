@@ -158,6 +158,7 @@ def document(data):
     return Document("title", "verdict", True, ("a note",), (Section("Figures", blocks), Section("Text", (long,))))
 
 
+@pytest.mark.slow
 def test_same_data_give_the_same_bytes_and_a_pdf_has_as_many_sheets_as_are_filled(data, tmp_path):
     assert svg_of(data["energy"]) == svg_of(data["energy"])
     files = [tmp_path / name for name in ("one.pdf", "two.pdf")]

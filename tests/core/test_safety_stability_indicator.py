@@ -138,6 +138,7 @@ def test_stable_runs_stay_far_below_the_limit(record, scheme):
     assert value < 0.2 * config.safety.stability_limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEME_NAMES)
 def test_run_near_its_margin_is_not_stopped(scheme):
     config = Config().changed(run__scheme=scheme)

@@ -107,6 +107,7 @@ def measured(table, commands):
     return np.array([(m.table_displacement, m.table_acceleration, m.actuator_force) for m in drive(table, commands)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scale", "degraded"),
     [(0.1, (1.0, 1.0)), (3.0, (1.0, 1.0)), (1.0, (0.05, 1.0)), (1.0, (1.0, 0.02))],

@@ -222,6 +222,7 @@ def test_perfect_table_follows_at_once_and_integrates_to_its_displacement():
     assert [m.table_displacement for m in measurements] == pytest.approx(time**2, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_noise_has_the_stated_size_and_comes_from_the_seed():
     def rest(seed):
         table = SimulatedTable(SimulatedTableConfig(), SPECIMEN, DT, seed=seed)

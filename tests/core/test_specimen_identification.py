@@ -32,6 +32,7 @@ def true_poles(config):
     return upper[np.argsort(np.abs(upper))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_table_1_comes_back(seed):
     model = identified(SIMPLIFIED, seed)
@@ -42,6 +43,7 @@ def test_table_1_comes_back(seed):
     assert model.damping_ratios == pytest.approx(-poles.real / np.abs(poles), abs=3e-4)
 
 
+@pytest.mark.slow
 def test_eight_story_specimen():
     model = identified(EIGHT_STORY)
     assert model.building.stiffnesses == pytest.approx(EIGHT_STORY.specimen.stiffnesses, rel=1e-3)
@@ -51,6 +53,7 @@ def test_eight_story_specimen():
     assert model.damping_ratios == pytest.approx(-poles.real / np.abs(poles), abs=3e-4)
 
 
+@pytest.mark.slow
 def test_deviations_are_honest():
     """Errors over their stated deviations are standard normal: mean square 1 within 4 deviations of itself."""
     true = np.array([2495320.0, 4941700.0, 3330.0, 78.0])
@@ -64,6 +67,7 @@ def test_deviations_are_honest():
     assert squares.mean() == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / squares.size))
 
 
+@pytest.mark.slow
 def test_stiffness_is_proportional_to_the_given_masses():
     once = identified(SIMPLIFIED, duration=60.0)
     twice = identified(SIMPLIFIED, masses=(1520.0, 1600.0), duration=60.0)

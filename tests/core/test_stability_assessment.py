@@ -45,6 +45,7 @@ def random_config(seed):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_discrete_margin_has_every_interval_that_eigenvalues_over_a_fine_grid_have(seed):
     config = random_config(seed)

@@ -98,6 +98,7 @@ def test_identified_modes_are_their_sum(modes):
     assert np.abs(response - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "element",
     [
@@ -174,6 +175,7 @@ def test_conditionally_stable_loop_has_all_its_intervals():
     assert_intervals(loop, margin)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(
     frequencies,

@@ -125,6 +125,7 @@ def test_linear_system_of_an_explicit_integration_equals_the_loop(integration):
         assert np.abs(ours[name] - theirs).max() <= 1e-10 * np.abs(theirs).max(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -159,6 +160,7 @@ def test_margin_is_where_the_spectral_radius_is_one():
         assert closed_loop(with_mass_ratio(config, ratio)).spectral_radius == pytest.approx(1.0, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_conditionally_stable_loop_has_all_its_intervals():
     config = QUIET.changed(**CONDITIONAL)
     first, second = discrete_margin(config).stable_intervals

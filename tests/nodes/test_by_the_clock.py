@@ -17,6 +17,8 @@ from bmd_rths_core.table.wire import Kind
 from tests.clock.arrivals import ArrivalController, held, periods
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
+pytestmark = [pytest.mark.alone, pytest.mark.slow]
+
 DT = Config().run.time_step
 
 #: The rigid table of the controller follows at once: without compensation the loop is stable on it.

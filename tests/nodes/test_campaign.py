@@ -178,6 +178,7 @@ def test_parquet_has_the_same_runs(run_main, records):
     assert sorted(row["rmse_substructure_percent"] for row in table) == sorted(errors)
 
 
+@pytest.mark.slow
 def test_killed_study_goes_on_and_leaves_no_process(records, tmp_path):
     """SIGKILL in the middle: what was written stays, nothing is run twice, and the workers end too."""
     values = ",".join(str(i) for i in range(60))
@@ -206,6 +207,7 @@ def test_killed_study_goes_on_and_leaves_no_process(records, tmp_path):
     assert len(json.loads(finished.stdout)["runs"]) == 480
 
 
+@pytest.mark.slow
 def test_study_killed_at_random_times_gives_what_an_uninterrupted_one_gives(run_main, bmd_rths, records, tmp_path):
     """Three times SIGKILL, each after some more results; the last command finds every run once."""
     values = ",".join(str(i) for i in range(24))
@@ -232,6 +234,7 @@ def test_study_killed_at_random_times_gives_what_an_uninterrupted_one_gives(run_
         assert run == expected
 
 
+@pytest.mark.slow
 def test_lockstep_bags_give_the_tables_of_the_campaign(run_main, bmd_rths, records):
     """With the noise of the same seed: every digit that is shown.
 

@@ -40,6 +40,7 @@ def recording(output, size=20_000):
     return any(file.stat().st_size > size for file in output.glob("bags/.unfinished/*/*.mcap"))
 
 
+@pytest.mark.slow
 def test_results_are_those_in_process_and_a_killed_study_goes_on(run_main, bmd_rths, records, domain, tmp_path):
     """SIGKILL in the second run, the same command at once, and once more when a bag was cut and another is lost."""
     output = tmp_path / "out"
@@ -88,6 +89,7 @@ def test_results_are_those_in_process_and_a_killed_study_goes_on(run_main, bmd_r
     assert sorted(lines_of(output)) == sorted(lines)
 
 
+@pytest.mark.slow
 def test_run_that_a_limit_ends_is_a_result(bmd_rths, records, domain):
     arguments = ("--motions", records / "kobe.csv", "--schemes", "uc", "--ros", "--json")
     result = bmd_rths(
@@ -109,6 +111,7 @@ def long_campaign(bmd_rths, tmp_path):
     return bmd_rths("campaign", CONFIG, *motions, "--ros", "--output", tmp_path / "out", "--json")
 
 
+@pytest.mark.slow
 def test_interrupt_brings_the_running_test_to_rest_and_ends_the_study(bmd_rths, domain, tmp_path):
     child = long_campaign(bmd_rths, tmp_path)
     wait_until(lambda: recording(tmp_path / "out", 200_000) or child.process.poll() is not None)
@@ -122,6 +125,7 @@ def test_interrupt_brings_the_running_test_to_rest_and_ends_the_study(bmd_rths, 
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_run_that_fails_ends_the_study_in_one_clear_line(bmd_rths, domain, tmp_path):
     child = long_campaign(bmd_rths, tmp_path)
     wait_until(lambda: recording(tmp_path / "out", 200_000) or child.process.poll() is not None)

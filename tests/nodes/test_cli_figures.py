@@ -26,6 +26,7 @@ def run_main(monkeypatch, capsys, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_figures_of_both_systems_with_their_numbers(run_main, tmp_path):
     status, output, _ = run_main(CONFIG, EIGHT_STORY, "--only", "10,7", "--format", "svg", "--json")
     assert status == 0

@@ -153,6 +153,7 @@ def test_wrong_input_is_one_clear_line(run_main, tmp_path, arguments, named):
         assert text in errors
 
 
+@pytest.mark.slow
 def test_files_that_identify_writes_are_tables(run_main, result_of, tmp_path):
     """Measured in one noisy run, as a model and as data, the table has the margin of the true one, within a few %."""
     files = ("--output", tmp_path / "model.yaml", "--frf", tmp_path / "measured.csv")

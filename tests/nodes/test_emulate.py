@@ -61,6 +61,7 @@ def told_by_the_table_driver(bag):
     ]
 
 
+@pytest.mark.slow
 def test_lockstep_run_over_udp_equals_the_loop_in_process_bit_for_bit(emulate, bmd_rths, tmp_path):
     emulated = emulate("--plant", "servo")
     settings = ("--lockstep", "--composed", "--set", "ground_motion.duration=6.0")
@@ -88,12 +89,14 @@ def test_lockstep_run_over_udp_equals_the_loop_in_process_bit_for_bit(emulate, b
     assert "state idle" in ended.errors
 
 
+@pytest.mark.slow
 def test_real_time_run_over_a_lossy_network_goes_on_and_counts_in_the_bag(emulate, bmd_rths, tmp_path):
     """Long steps, a patient watchdog and a building too heavy to feel the shear: a busy machine does not end it."""
     emulated = emulate("--fault", "loss=3", "--fault", "bit_flips=3", "--set", "virtual_controller.watchdog=5.0")
     settings = (
         *("run.time_step=0.02", "table.answer_timeout=0.012", "run.longest_miss_time=8"),
-        *("numerical_substructure.masses=[8.0e+6]", "ground_motion.duration=6.0"),
+        *("safety.stale_controller_time=2.0", "safety.stale_shear_time=2.0", "run.preflight=skip"),
+        *("numerical_substructure.masses=[8.0e+6]", "ground_motion.duration=4.0"),
     )
     arguments = [argument for setting in settings for argument in ("--set", setting)]
     arguments += ["--scheme", "uc", "--output", tmp_path, "--json"]
@@ -110,6 +113,7 @@ def test_real_time_run_over_a_lossy_network_goes_on_and_counts_in_the_bag(emulat
     assert np.nanmax(np.abs(record.table_displacement)) > 0.005
 
 
+@pytest.mark.slow
 def test_controller_that_freezes_during_a_run_ends_it_with_its_name(emulate, bmd_rths, tmp_path, domain):
     emulated = emulate("--plant", "servo")
     settings = ("--lockstep", "--composed", "--set", "ground_motion.free_vibration=600.0")
@@ -125,6 +129,7 @@ def test_controller_that_freezes_during_a_run_ends_it_with_its_name(emulate, bmd
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_run_without_a_controller_says_so_and_whose_prediction_it_was(bmd_rths, tmp_path, domain):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
         nobody.bind(("127.0.0.1", 0))

@@ -14,6 +14,7 @@ CHOSEN = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CHOSEN)
 def test_table_is_at_rest_the_reason_is_told_the_bag_opens_and_no_process_is_left(kind, tmp_path):
     assert outcome_of(kind, 0, tmp_path).wrong == ()

@@ -83,6 +83,7 @@ ENDLESS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [(), ("--lockstep",)], ids=["real time", "lockstep"])
 def test_composed_nodes_publish_for_everybody_take_from_nobody_and_do_not_go_on_beside_a_second_publisher(
     bmd_rths, tmp_path, client, clock
@@ -110,6 +111,7 @@ def test_composed_nodes_publish_for_everybody_take_from_nobody_and_do_not_go_on_
         assert message.accel.linear.x == record.command[step]
 
 
+@pytest.mark.slow
 def test_composed_nodes_are_managed_one_by_one_and_find_each_other_again(client, start, tmp_path):
     parameters = tmp_path / "parameters.yaml"
     config = Config().changed(

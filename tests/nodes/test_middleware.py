@@ -157,6 +157,7 @@ def test_a_node_has_no_shared_memory(start, as_a_person, domain, scope):
     assert not [name for name in files() if name.startswith("/dev/shm/fastrtps")]
 
 
+@pytest.mark.slow
 def test_readers_that_come_and_go_do_not_cost_a_test(start, as_a_person):
     # A port of shared memory that is opened may hold a publisher up for 333 ms. The limits are below that, but wider
     # than the default, because a busy machine that computes the tests of others takes its time too.

@@ -18,6 +18,7 @@ def settings(**changes):
     return [word for name, value in changes.items() for word in ("--set", f"{name.replace('__', '.')}={value}")]
 
 
+@pytest.mark.slow
 def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_notice(bmd_rths, tmp_path, client):
     """A live page is there before the run begins, which is no second run on this domain."""
     live = bmd_rths("monitor")

@@ -84,6 +84,7 @@ def test_parameters_change_before_configuration_only_and_are_checked(client, sha
     assert values[0].double_value == 0.015
 
 
+@pytest.mark.slow
 def test_lifecycle_can_be_driven_and_an_impossible_transition_does_no_harm(client, shaper):
     assert state(client) == State.PRIMARY_STATE_UNCONFIGURED
     assert not change_state(client, Transition.TRANSITION_ACTIVATE)
@@ -190,6 +191,7 @@ def test_wrong_parameters_end_the_node_with_status_2_and_one_line(start, module,
     assert "Traceback" not in result.errors
 
 
+@pytest.mark.slow
 def test_second_test_with_the_same_processes_equals_the_first(client, start, tmp_path):
     """As in the laboratory: six processes started by hand, then recorder and numerical substructure activated again."""
     parameters = tmp_path / "parameters.yaml"
@@ -306,6 +308,7 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
     wait_until(lambda: table() == "moving")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ROLES)
 def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, start, tmp_path, role):
     """Every state between unconfigured and active is told, often, without harm while other nodes tell theirs."""

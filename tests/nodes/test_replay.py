@@ -105,6 +105,7 @@ def test_lockstep_bag_is_reproduced(run_main, composed_run):
     assert result["signals"]["interface_force"]["compared"] > 0
 
 
+@pytest.mark.slow
 def test_real_time_bag_is_reproduced_with_the_measurements_that_the_estimator_missed(
     run_main, bmd_rths, tmp_path, domain
 ):
@@ -170,6 +171,7 @@ def nodes(simulated, start, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_nodes_answer_a_playback_with_the_recorded_forces(bmd_rths, nodes, simulated, tmp_path):
     """Twice with the same processes. On a busy machine the shear of a step may come after the next required force."""
     for rate in ("1.0", "2.0"):
@@ -184,6 +186,7 @@ def test_nodes_answer_a_playback_with_the_recorded_forces(bmd_rths, nodes, simul
         assert np.array_equal(record.interface_force, read_bag(simulated).interface_force)
 
 
+@pytest.mark.slow
 def test_no_step_is_published_before_its_time(bmd_rths, simulated):
     """400 steps of 5 ms at half the rate."""
     begin = time.perf_counter()
@@ -193,6 +196,7 @@ def test_no_step_is_published_before_its_time(bmd_rths, simulated):
     assert json.loads(run.output)["signals"]["interface_force"]["missing"] == 401  # nobody answers
 
 
+@pytest.mark.slow
 def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is(bmd_rths, nodes, simulated, client):
     first = bmd_rths("replay", simulated, "--ros", "--rate", "0.02")
     wait_until(lambda: client.count_publishers("/rths/measurement"))
@@ -212,6 +216,7 @@ def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is
     assert (ended.status, ended.errors.splitlines()) == (1, told)
 
 
+@pytest.mark.slow
 def test_playback_without_nodes_ends_in_one_clear_line(start, simulated):
     impatient = (
         "import sys; from bmd_rths_nodes.cli.main import main; from bmd_rths_nodes.ros import playback; "

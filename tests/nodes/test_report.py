@@ -118,6 +118,7 @@ def test_test_that_was_ended_at_once_has_a_report_that_says_so(run_main, record,
     assert page.tags.count("figure") == (5 if steps >= 3 else 0)
 
 
+@pytest.mark.slow
 def test_gaps_zeros_and_markup_in_names_are_no_obstacle(run_main, record, tmp_path):
     rng = np.random.default_rng(0)
     motion = {**record.motion, "name": "<b>&"}
@@ -174,6 +175,7 @@ def test_what_is_said_of_deadlines_and_of_the_operator(record):
     assert verdict(other) == "Stopped by the operator: the launch was interrupted"
 
 
+@pytest.mark.slow
 def test_report_for_print_is_a_pdf(run_main, record, tmp_path):
     bag = write_record(record, tmp_path / "bag")
     assert run_main("analyze", bag, "--report", "report.pdf")[0] == 0

@@ -36,6 +36,7 @@ def finished(child):
     return json.loads(result.output)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEME_NAMES)
 def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el_centro(bmd_rths, tmp_path, scheme):
     """The whole record with the default scheme, the others as long as it takes to excite everything."""
@@ -50,6 +51,7 @@ def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el
     assert result["stable"] is True
 
 
+@pytest.mark.slow
 def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadline(bmd_rths, tmp_path):
     """On a busy machine deadlines may be missed: what came before is equal all the same, and the misses are told."""
     duration = 5.0
@@ -59,7 +61,7 @@ def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadlin
     assert set(result["closure_ms"]) == {"p50", "p99", "max"}
     assert set(result["rmse_percent"]) == {"substructure", "control_layer", "superstructure"}
     record = read_bag(result["bag"])
-    expected = in_process(ground_motion__duration=duration, run__longest_miss_time=1)
+    expected = in_process(ground_motion__duration=duration, run__longest_miss_time=20)
     assert record.steps == expected.steps == 1001
     assert len(record.timing.missed_steps) == result["missed_deadlines"]
     first_miss = min(record.timing.missed_steps, default=record.steps)
@@ -67,6 +69,7 @@ def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadlin
         assert np.array_equal(signal_[:first_miss], expected.signals()[name][:first_miss]), name
 
 
+@pytest.mark.slow
 def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, client, domain):
     """The numerical substructure stands still until the recorder goes on, and the bag has every value."""
     steps = []
@@ -92,6 +95,7 @@ def test_composed_lockstep_equals_the_loop_in_process(composed_run):
     assert read_bag(composed_run.told["bag"]).same_signals(in_process(ground_motion__duration=3.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("substructure", ["linear", "yielding"])
 def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd_rths, tmp_path, substructure):
     changes = {"ground_motion.duration": 5.0, "force_correction.feedback_scale": 0.05, "run.preflight": "skip"}
@@ -110,6 +114,7 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
     assert record.same_signals(expected)
 
 
+@pytest.mark.slow
 def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
     arguments = (
         "--lockstep",
@@ -133,6 +138,7 @@ def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_
     assert record.reason == f"table_driver: {expected.reason}"
 
 
+@pytest.mark.slow
 def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_path):
     """The uncompensated loop with a numerical mass far below the allowable one."""
     light = {
@@ -180,7 +186,7 @@ def settings(**changes):
 
 #: Real time on a busy machine: its stalls, and the jumps of the command they cause, must not end the test before the
 #: fault that is tested does.
-PATIENT = settings(run__longest_miss_time=1, run__preflight="skip", safety__stale_shear_time=5, **WITHOUT_LIMITS)
+PATIENT = settings(run__longest_miss_time=20, run__preflight="skip", safety__stale_shear_time=20, **WITHOUT_LIMITS)
 
 
 def begun(tmp_path):
@@ -188,6 +194,7 @@ def begun(tmp_path):
     return recorded(tmp_path, 500_000)
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_path, domain):
     child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
@@ -204,6 +211,7 @@ def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_p
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
     child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
     wait_until(lambda: processes_of_domain(domain))
@@ -214,6 +222,7 @@ def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut(bmd_rths, run_main, tmp_path, domain):
     """In lockstep no deadline can be missed, so all that was recorded must be that of the loop in process.
 
@@ -257,8 +266,10 @@ def last_log_time(bag):
     return last
 
 
+@pytest.mark.slow
 def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path, "--json")
+    a_second = settings(run__longest_miss_time=1)
+    child = bmd_rths("run", CONFIG, *PATIENT, *a_second, "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     (shaper,) = (pid for pid, command in processes_of_domain(domain).items() if "command_shaper" in command)
     os.kill(shaper, signal.SIGKILL)
@@ -268,11 +279,11 @@ def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp
     record = read_bag(json.loads(result.output)["bag"])
     assert record.outcome == "failed"
     assert "deadlines in a row were missed" in record.reason
-    # A step that is late moves the schedule, so that fewer fit into the time.
-    assert 50 < record.timing.max_consecutive_misses <= 202
+    assert 1 < record.timing.max_consecutive_misses <= 201  # less where ticks were late, which moves the schedule
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_table_is_brought_to_rest_when_no_command_comes_any_more(bmd_rths, tmp_path, domain):
     limits = settings(run__longest_miss_time=10, safety__stale_shear_time=0.1)
     child = bmd_rths("run", CONFIG, *PATIENT, *limits, "--output", tmp_path, "--json")
@@ -287,6 +298,7 @@ def test_table_is_brought_to_rest_when_no_command_comes_any_more(bmd_rths, tmp_p
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
     child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
     wait_until(lambda: begun(tmp_path))
@@ -297,6 +309,7 @@ def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
     assert read_bag(bag).outcome in ("stopped", "failed")
 
 
+@pytest.mark.slow
 def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
     """The first one still records afterwards, and it is the operator who ends it."""
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")

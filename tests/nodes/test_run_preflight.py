@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from bmd_rths_msgs_py.bag_reader import read_bag
 from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain
 
@@ -18,6 +20,7 @@ def test_no_go_is_refused_in_one_line_and_nothing_is_written(bmd_rths, tmp_path,
     assert processes_of_domain(domain) == {}
 
 
+@pytest.mark.slow
 def test_overridden_preflight_is_told_and_recorded(bmd_rths, tmp_path):
     folder = tmp_path / "bags"
     options = ("--override-preflight", "--lockstep", "--composed", "--output", folder, "--json")
@@ -38,6 +41,7 @@ def test_cleared_preflight_tells_the_peaks_beside_their_limits(composed_run):
     assert "OVERRIDDEN" not in composed_run.errors
 
 
+@pytest.mark.slow
 def test_skipped_preflight_predicts_nothing(bmd_rths, tmp_path):
     options = ("--lockstep", "--composed", "--set", "ground_motion.duration=1.0", "--set", "run.preflight=skip")
     result = bmd_rths("run", CONFIG, *options, "--output", tmp_path / "bags", "--json").wait()
