@@ -1,4 +1,4 @@
-"""Figures for print, by matplotlib: the only package that needs it. It draws, and computes nothing."""
+"""Draw figures for print by matplotlib; nothing is computed here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any figure of the paper as files."""
+"""Draw a figure of the paper and write it into files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves over time for a page: long ones are thinned to what can be seen, so that a page stays small."""
+"""Plot curves over time; long ones are thinned to what can be seen, so that a page stays small."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PARTS = 700
 
 
 def plot_history(axes: Axes, time: FloatArray, values: FloatArray, **look: Any) -> None:
-    """Plot a curve over time; its peaks stay what they are.
+    """Plot a curve over time, thinned where that hides no peak.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Axes in places given in millimetres: faster than measuring every label, and the same on page and sheet."""
+"""Place axes by millimetres: the same on page and sheet, and faster than measuring every label."""
 
 from __future__ import annotations
 

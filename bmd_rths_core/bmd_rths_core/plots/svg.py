@@ -1,4 +1,4 @@
-"""A figure as an SVG file."""
+"""Draw a figure into an SVG file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from bmd_rths_core.plots.layout import Canvas
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
 
-#: Resolution of curves of which every point is drawn [dots per inch].
+#: Resolution of curves that are drawn as pixels [dots per inch].
 _RESOLUTION = 200
 
 

@@ -65,7 +65,7 @@ class ForceCorrection:
         self._scale = config.feedback_scale
 
     def reset(self) -> None:
-        """Nothing to forget: the memory of the correction is the required force."""
+        """Do nothing: the correction has no state of its own."""
 
     def step(self, required_force: float, interface_force: float) -> float:
         """Return the shear to be fed back.

@@ -99,7 +99,7 @@ class NonlinearSubstructure:
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
 
     def learn(self, measurement: TableMeasurement) -> None:
-        """Do without: the shear that is fed back is all it takes."""
+        """Do nothing: this stage uses only the shear that is fed back."""
 
     def state_space(self) -> DiscreteStateSpace:
         """Return the stage as a linear system: small motion about rest, as long as no story leaves its first tangent.

@@ -1,4 +1,4 @@
-"""What a table controller on a network needs of its host: datagrams and the time."""
+"""Protocol of what a table controller on a network needs of its host: datagrams and the time."""
 
 from __future__ import annotations
 

@@ -261,7 +261,7 @@ class UdpTable:
             self._link.expect(self._link.send(Kind.STATUS), "answered")
 
     def _give_up(self, sequence: int) -> None:
-        """Have no measurement for a command in real time."""
+        """Count a command in real time as lost: its step has no measurement."""
         del self._pending[sequence]
         self._link.expect(sequence, "late")
         self._link.count("lost")
@@ -289,7 +289,7 @@ class UdpTable:
         try:
             state = self._settled(self._link.ask(kind))
         except (OSError, RuntimeError):
-            return  # told by `statistics`; the watchdog of the controller brings the table to rest
+            return  # `statistics` tells it; the watchdog of the controller brings the table to rest
         self._stop_confirmed = state.state in (ControllerState.IDLE, ControllerState.INTERLOCK)
 
     def _told(self, packet: ControllerPacket) -> str:

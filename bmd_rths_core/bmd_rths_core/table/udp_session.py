@@ -1,4 +1,4 @@
-"""Packets to a table controller and back: one session, and a count of everything that goes wrong."""
+"""Send packets to a table controller and take its answers: one session, with a count of everything that goes wrong."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class UdpSession:
 
     @property
     def where(self) -> str:
-        """Address of the controller, as a person wrote it."""
+        """Address of the controller, as it is configured."""
         return self._config.address
 
     @property
@@ -149,7 +149,7 @@ class UdpSession:
         return None
 
     def expect(self, sequence: int, counted_as: str) -> None:
-        """Say how the answer to a packet is counted when it comes and nobody waits for it.
+        """Set under which name a late answer to a packet is counted.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""``bmd-rths analyze``: everything again from the bags alone."""
+"""``bmd-rths analyze``: compute the errors and the report of tests from their bags alone."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
     return 0
 
 
-#: What is told of a bag only beside others.
+#: Keys of a result that are printed only when several bags are compared.
 _OF_MANY = ("event", "file", "variation")
 
 

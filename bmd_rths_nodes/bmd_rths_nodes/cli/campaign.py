@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from bmd_rths_nodes.campaign.pool import Results
     from bmd_rths_nodes.campaign.results import CampaignResults
 
-#: Runs for which it is worth to start one more process.
+#: One more process is started for this many runs; for fewer it takes longer to start than it saves.
 _WORTH_A_PROCESS = 64
 
 
@@ -244,7 +244,7 @@ def _told(result: dict[str, Any], bags: Path | None) -> dict[str, Any]:
 
 
 def _print_json(results: Iterator[dict[str, Any]], left_out: dict[str, str], assumed: str) -> None:
-    """Print one object, a run a time."""
+    """Print one JSON object, run by run, so that the whole study need not be in memory."""
     click.echo('{"runs": [', nl=False)
     for i, result in enumerate(results):
         click.echo((", " if i else "") + json.dumps(result), nl=False)

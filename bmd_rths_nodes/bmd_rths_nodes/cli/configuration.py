@@ -23,7 +23,7 @@ Command = Callable[..., Any]
 
 @dataclass(frozen=True)
 class ConfigChoice:
-    """What the command line says about the configuration.
+    """The part of the command line that makes the configuration.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class ConfigChoice:
     settings: tuple[str, ...] = ()
 
     def resolve(self, **changes: object) -> Config:
-        """Return the configuration: the file, the models over it, changed by the options.
+        """Return the configuration: the file, then the models, then the options; the later one counts.
 
         Parameters
         ----------
@@ -148,12 +148,12 @@ _OPTIONS = {
     ),
 }
 
-#: Options that say of a record what its file does not.
+#: Options for what the file of a record does not state.
 RECORD_OPTIONS = ("component", "dt", "unit", "columns")
 
 
 def record_options(command: Command) -> Command:
-    """Give a command ``--dt``, ``--unit`` and ``--columns``, under these names.
+    """Add ``--dt``, ``--unit`` and ``--columns`` to a command, under these names.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ set_option = click.option(
 
 
 def configured(*names: str, default: str | None = None) -> Callable[[Command], Command]:
-    """Give a command CONFIG, ``--model``, ``--set`` and some options more, as its first argument, a `ConfigChoice`.
+    """Add CONFIG, ``--model``, ``--set`` and given options to a command, which gets them as a `ConfigChoice`.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ def _cells(row: Mapping[str, Any], name: str, schemes: Iterable[str]) -> Iterabl
 
 
 def _cell(result: Mapping[str, Any], name: str) -> str:
-    """Return an error, marked where the test did not come to its end."""
+    """Return the text of an error, with a mark where the test ended early."""
     value, outcome = result["rmse_percent"][name], result["outcome"]
     if value is None and outcome != "limit":
         return "no data"

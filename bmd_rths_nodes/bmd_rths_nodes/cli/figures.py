@@ -92,7 +92,7 @@ def _figures_of(configs: Sequence[str], motion: str | None, only: str | None) ->
 
 
 def _choose(option: str, text: str, allowed: Mapping[str, T]) -> list[T]:
-    """Return what a list with commas names."""
+    """Return the entries of a list with commas."""
     chosen = []
     for name in (part.strip() for part in text.split(",")):
         if name not in allowed:
@@ -104,7 +104,7 @@ def _choose(option: str, text: str, allowed: Mapping[str, T]) -> list[T]:
 
 
 def _writer() -> Writer:
-    """Import what draws: other commands do not wait for matplotlib, and may do without."""
+    """Import the drawing functions here, so that no other command waits for matplotlib or needs it."""
     try:
         from bmd_rths_core.plots.drawing import write_figure
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""``bmd-rths identify``: models of table and specimen from a test of their own, or from a bag."""
+"""``bmd-rths identify``: find models of table and specimen, by moving the table or from a bag."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def identify(
 
 
 def _refuse_excitation() -> None:
-    """Refuse options that say how the table is moved, where nothing moves."""
+    """Refuse options of the excitation together with ``--bag``, which moves nothing."""
     context = click.get_current_context()
     for name in ("excitation", "amplitude", "duration", "stroke", "seed", "table"):
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
@@ -199,7 +199,7 @@ def _write(
     specimen: SpecimenModel | None,
     result: dict[str, Any],
 ) -> dict[str, str]:
-    """Write what was asked for and return the files."""
+    """Write model and frequency response where they were asked for, and return the files."""
     from bmd_rths_core.identification.output import frequency_response_text, model_text
 
     files = {}
@@ -220,7 +220,7 @@ def _write(
 
 
 def _remarks(result: dict[str, Any]) -> list[str]:
-    """Return how a model was found, for the head of its file."""
+    """Return the remarks at the head of a model file: how it was found."""
     now = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC")
     lowest, highest = result["band_hz"]
     remarks = [

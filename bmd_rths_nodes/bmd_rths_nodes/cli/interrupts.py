@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP as a list that grows, for commands that end in order."""
+"""Collect Ctrl-C, SIGTERM and SIGHUP, for commands that end a test in order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bmd_rths_nodes.ros.ending_signals import ending_signals
 
 @contextmanager
 def collected_interrupts() -> Iterator[list[int]]:
-    """Collect SIGINT, SIGTERM and SIGHUP (unless it is ignored, as by nohup) in a list instead of dying of them."""
+    """Append SIGINT, SIGTERM and SIGHUP to a list instead of dying of them; SIGHUP not where nohup ignores it."""
     received: list[int] = []
     before = {number: signal.signal(number, lambda n, _: received.append(n)) for number in ending_signals()}
     try:

@@ -21,7 +21,7 @@ COMMANDS = (
 
 
 class LazyGroup(click.Group):
-    """Commands that are imported when they are asked for: help and a mistyped word do not wait for scipy."""
+    """Import a command when it is called, so that help and a mistyped word do not wait for scipy."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands."""
@@ -37,7 +37,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find a command, or tell which one may have been meant."""
+        """Find a command, or suggest one with a similar name."""
         name = args[0]
         similar = difflib.get_close_matches(name, COMMANDS, n=1)
         if name not in COMMANDS and similar and not name.startswith("-"):

@@ -1,4 +1,4 @@
-"""``bmd-rths monitor``: what the run on this ROS domain does, live in the terminal."""
+"""``bmd-rths monitor``: show the run on this ROS domain, live in the terminal."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def monitor(once: bool, as_json: bool) -> int:
 
 
 def _print_once(run: RunMonitor, as_json: bool, interrupts: Sequence[int]) -> int:
-    """Wait until every role of a run has told its status, or for what there is, and print it."""
+    """Print one picture when every role has told its status, or when no more is to be expected."""
     _listen_until_all_have_told(run, interrupts)
     snapshot = _snapshot(run)
     if not snapshot["nodes"]:
@@ -77,7 +77,7 @@ def _print_once(run: RunMonitor, as_json: bool, interrupts: Sequence[int]) -> in
 
 
 def _listen_until_all_have_told(run: RunMonitor, interrupts: Sequence[int]) -> None:
-    """Listen to every role of a run, or to those of which anything is discovered, or until it is interrupted."""
+    """Listen until every role, or every role that is discovered, has told its status, or until Ctrl-C."""
     heard, since = 0, time.perf_counter()
     while not set(ROLES) <= set(run.live) and not interrupts:
         run.update(0.05)
@@ -101,7 +101,7 @@ def _snapshot(run: RunMonitor) -> dict[str, Any]:
 
 
 def _page(snapshot: dict[str, Any]) -> RenderableType:
-    """Return what a person sees."""
+    """Return the page."""
     parts: list[RenderableType] = [_nodes(snapshot["nodes"])]
     if snapshot["test"]:
         parts.append(_test(snapshot["test"]))

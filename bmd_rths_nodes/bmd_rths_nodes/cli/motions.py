@@ -1,4 +1,4 @@
-"""``bmd-rths motions``: what ground motions a folder holds."""
+"""``bmd-rths motions``: list the ground motions in a folder."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def motions(folder: Path, dt: float | None, unit: str | None, columns: str | Non
 
 
 def _plain(entry: CatalogueEntry) -> dict[str, Any]:
-    """Return what is told about a record; what cannot be known without the unit is None."""
+    """Return the properties of a record as plain values; those that need an unknown unit are None."""
     motion, measures = entry.motion, entry.intensity
     plain = {
         "format": entry.format,

@@ -1,4 +1,4 @@
-"""Arguments that several commands share."""
+"""Arguments and output that several commands share."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def check_writable(folder: Path) -> None:
 
 @contextmanager
 def output_folder(folder: Path) -> Iterator[None]:
-    """Have a folder that can be written; at the end those that were made and are still empty are removed.
+    """Make a folder that can be written; at the end, remove those that were made and are still empty.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def output_folder(folder: Path) -> Iterator[None]:
 
 
 def progress_bar(*columns: ProgressColumn) -> Progress:
-    """Return a progress display on standard error that leaves nothing behind, and is silent where nobody watches."""
+    """Return a progress bar on standard error that vanishes at the end; without a terminal it prints nothing."""
     from rich.console import Console  # a help text does not wait for it
     from rich.progress import Progress
 
@@ -75,7 +75,7 @@ def progress_bar(*columns: ProgressColumn) -> Progress:
 
 
 def printable(text: str) -> str:
-    """Return text from outside as it may be shown on a terminal: its control characters as escapes, on one line.
+    """Return text from a file on one line, with its control characters as escapes, safe for a terminal.
 
     Parameters
     ----------
@@ -86,5 +86,5 @@ def printable(text: str) -> str:
 
 
 def log(text: str) -> None:
-    """Tell a person something, on standard error."""
+    """Print a line on standard error."""
     print(text, file=sys.stderr, flush=True)

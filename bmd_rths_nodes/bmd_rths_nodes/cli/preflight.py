@@ -1,4 +1,4 @@
-"""The pre-flight of ``bmd-rths run``: predict, refuse what must not be run, and say what to expect."""
+"""The pre-flight of ``bmd-rths run``: predict the test, and refuse one that must not be run."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def checked(config: Config, motion: GroundMotion) -> Preflight | None:
 
 
 def in_words(config: Config, preflight: Preflight) -> str:
-    """Return the predicted peaks beside their limits, in units for a person, and what was overridden.
+    """Return the line of predicted peaks beside their limits, and what was overridden.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def in_words(config: Config, preflight: Preflight) -> str:
 
 
 def as_mapping(preflight: Preflight) -> dict[str, Any]:
-    """Return what ``--json`` tells of a pre-flight.
+    """Return a pre-flight as plain values for ``--json``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``bmd-rths replay``: shear estimator and force correction once more, on what a bag holds."""
+"""``bmd-rths replay``: compute the shear and its correction again from a bag."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _changed(config: Config, models: tuple[str, ...], settings: tuple[str, ...])
 
 
 def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | None, as_json: bool) -> int:
-    """Play, and compare the answers; 1 when it could not be brought to an end."""
+    """Play to the nodes and compare their answers; return 1 when that ended early."""
     from bmd_rths_core.analysis.replay import answered_replay
     from bmd_rths_core.config import config_from_mapping
     from bmd_rths_nodes.ros.playback import NotReady, Playback
@@ -137,7 +137,7 @@ def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | Non
 
 
 def _result_of(done: Replay) -> dict[str, Any]:
-    """Return everything that is told, as plain values; `reproduced` is None where no step can be compared."""
+    """Return the result as plain values; `reproduced` is None where no step can be compared."""
     record, differences = done.recorded, done.differences()
     equal = all(difference.differing == 0 for difference in differences.values())
     compared = any(difference.compared for difference in differences.values())
@@ -169,7 +169,7 @@ def _finish(done: Replay, result: dict[str, Any], output: Path | None, as_json: 
 
 
 def _show(done: Replay, result: dict[str, Any]) -> None:
-    """Print the result for a person."""
+    """Print the result as a table."""
     if "rate" in result:
         title = f"{result['motion']}: answers of the nodes, {result['late_steps']} steps played late"
     else:
@@ -217,7 +217,7 @@ _ROWS: dict[str, Callable[[SignalDifference], str]] = {
 
 
 def _libraries(done: Replay) -> str:
-    """Tell which libraries are others than in the recording: with them a last bit may differ."""
+    """Return the libraries whose version is not that of the recording: the last bit may differ."""
     before, now = done.recorded.versions, done.replayed.versions
     others = [f"{name} {before.get(name)} there, {now[name]} here" for name in now if before.get(name) != now[name]]
     return ", ".join(others) or "the libraries are the same"

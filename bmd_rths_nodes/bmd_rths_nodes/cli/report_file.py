@@ -14,7 +14,7 @@ FORMATS = (".html", ".pdf")
 
 
 def check_report_file(path: Path) -> None:
-    """Check that a report can be written, before any work is done for it.
+    """Check that a report can be written, before the work begins.
 
     Parameters
     ----------

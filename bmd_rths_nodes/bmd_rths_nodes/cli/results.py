@@ -1,4 +1,4 @@
-"""Results of a run, as JSON and as a table for a person."""
+"""Results of a run, as JSON and as a table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def result_of(analysis: RunAnalysis) -> dict[str, Any]:
-    """Return everything a command tells about a run, as plain values.
+    """Return the result of a run as plain values.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
 
 
 def _table_peaks(peaks: dict[str, float | None]) -> str:
-    """Return a text of the peaks of the table's motion."""
+    """Return the line of the peaks of the shake table."""
     parts = (("displacement", 1e3, "mm"), ("velocity", 1e3, "mm/s"), ("acceleration", 1.0, "m/s²"))
     return ", ".join(
         _number(None if (value := peaks[name]) is None else scale * value, unit) for name, scale, unit in parts
@@ -110,7 +110,7 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def without_nan(value: Any) -> Any:
-    """Return a value for JSON, which has no NaN: what could not be computed is null.
+    """Return a value with None in place of NaN, which JSON does not have.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a command that needs the ROS graph says where ROS is not installed."""
+"""Refuse commands that need the ROS graph where ROS is not installed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from importlib import import_module
 
 from bmd_rths_core.errors import InputError
 
-#: What has to be importable, and so was sourced or installed.
+#: Packages of ROS that have to be importable.
 _NEEDED = ("rclpy", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs", "std_srvs", "trajectory_msgs")
 
 

@@ -1,4 +1,4 @@
-"""``bmd-rths run``: the ROS graph, from start to the errors of the test."""
+"""``bmd-rths run``: start the ROS graph, run the test, print its errors."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def run(
     motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     folder = output if output is not None else Path(resolved.recorder.directory)
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
-    with output_folder(folder), RunMonitor() as monitor:  # another run is discovered while this one is predicted
+    with output_folder(folder), RunMonitor() as monitor:  # looks for another run while this one is predicted
         prediction = preflight.checked(resolved, motion)
         if prediction is not None:
             log(preflight.in_words(resolved, prediction))
@@ -91,7 +91,7 @@ def run(
 
 
 def _explain_misses(record: RunRecord) -> None:
-    """Say what to do when missed deadlines ended the test, or may have."""
+    """Print what to do when missed deadlines ended the test, or may have."""
     timing = record.timing
     if timing is None or not timing.missed_deadlines or record.outcome not in ("failed", "limit"):
         return

@@ -1,4 +1,4 @@
-"""``bmd-rths simulate``: a whole test in process."""
+"""``bmd-rths simulate``: run a whole test in process."""
 
 from __future__ import annotations
 

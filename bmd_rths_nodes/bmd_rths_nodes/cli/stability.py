@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: Longest pure delay of --table [ms], that of simulated_table.command_delay.
 _LONGEST_DELAY = 1000.0
-#: Points of the sweep in the table for a person.
+#: Points of the sweep that the printed table has; ``--json`` has all.
 _SHOWN_POINTS = 8
 
 _COLUMNS = ("continuous\nEqs. 7 and 8", "complete\nall modes, one step", "discrete\nas it is run")
@@ -126,7 +126,7 @@ def stability(
 
 
 def _with_table(config: Config, table: str) -> tuple[Config, MeasuredResponse | None]:
-    """Return the configuration with the table that was asked for, or that table as data."""
+    """Return the configuration with the table of ``--table``, or its measured frequency response."""
     kind, colon, delay = table.partition(":")
     if table == "identified":
         return config, None
@@ -161,7 +161,7 @@ def _sensitivity(config: Config, options: AnalysisOptions) -> list[ParameterSens
 
 
 def _as_mapping(assessment: Assessment, confirmation: Confirmation | None) -> dict[str, Any]:
-    """Return the object of ``--json`` but for the options."""
+    """Return the object of ``--json`` without the options."""
     discrete = None
     if assessment.discrete is not None and confirmation is not None:
         discrete = {

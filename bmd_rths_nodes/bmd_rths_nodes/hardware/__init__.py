@@ -1,1 +1,1 @@
-"""Table controllers outside of this process, and the virtual one."""
+"""Table controllers outside of this process, and the virtual one: sockets and clock."""

@@ -16,7 +16,7 @@ GROUP = "bmd_rths.table_controllers"
 
 Maker = Callable[[Config], TableController]
 
-#: The controllers of this project need no installed metadata and cannot be replaced by others of the same name.
+#: The controllers of this project. Their names cannot be taken by an entry point.
 _OWN: dict[str, Maker] = {"simulated": build.make_table_controller, "udp": udp_table}
 
 
@@ -47,7 +47,7 @@ def make_table_controller(config: Config) -> TableController:
 
 
 def make_patient_table_controller(config: Config) -> TableController:
-    """Return the same for a use that closes no loop: its answers may take longer than a time step.
+    """Return the table controller for a use that closes no loop, where an answer may take longer than Δt.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def _load(name: str) -> Maker:
         raise InputError(f"table.controller: {name!r} is not available; one of {known} is required")
     try:
         return installed[name].load()
-    except Exception as error:  # whatever the module of somebody else does when it is imported
+    except Exception as error:  # the module of a third party may raise anything
         raise InputError(
             f"table.controller: {name!r} ({installed[name].value}) cannot be loaded: {' '.join(str(error).split())}"
         ) from error

@@ -15,7 +15,7 @@ from bmd_rths_core.table.emulated.faults import Fault, Faults, FaultyNetwork
 from bmd_rths_core.table.emulated.virtual_controller import VirtualController
 from bmd_rths_core.table.wire import LONGEST_DATAGRAM
 
-#: When this process gets no turn for longer, its virtual time stands still: the host cannot be blamed for it [ns].
+#: When this process gets no turn for longer, its virtual time stands still, so that the host is not blamed [ns].
 LONGEST_STALL = 10_000_000
 
 
@@ -127,14 +127,14 @@ class Emulator:
                 data, sender = self._socket.recvfrom(LONGEST_DATAGRAM)
             except BlockingIOError:
                 return
-            except OSError:  # what the network says about packets sent before
+            except OSError:  # an ICMP error of an earlier packet
                 continue
             for due, arriving in self._inbound.transmit(data, now):
                 self._number += 1
                 heapq.heappush(self._arriving, (due, self._number, arriving, sender))
 
     def _serve(self, now: int) -> None:
-        """Do everything that is due."""
+        """Receive packets, move the table, and send the answers that are due."""
         controller = self._controller
         while self._arriving and self._arriving[0][0] <= now:
             _, _, data, sender = heapq.heappop(self._arriving)
@@ -148,7 +148,7 @@ class Emulator:
             _, _, data, receiver = heapq.heappop(self._leaving)
             try:
                 self._socket.sendto(data, receiver)
-            except OSError:  # a network that takes no packet has lost it
+            except OSError:  # the packet is lost, as on any network
                 continue
             self.answered += 1
 

@@ -73,7 +73,7 @@ class UdpSocket:
                 data, sender = self._socket.recvfrom(LONGEST_DATAGRAM)
             except BlockingIOError:
                 return None
-            except OSError:  # what the network says about packets sent before
+            except OSError:  # an ICMP error of an earlier packet
                 continue
             return Datagram(data, sender == self._peer)
         return None

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class TrueMotion(NamedTuple):
-    """What a table really does, or the largest absolute values of it.
+    """True motion of a table, or its largest absolute values.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ class Answer(NamedTuple):
 
 
 class _Owed(NamedTuple):
-    """An answer with the sensors of a moment to come."""
+    """An answer that is due later, with the sensors as they are then."""
 
     due: int
     sequence: int
@@ -212,7 +212,7 @@ class VirtualController:
     # ---- packets
 
     def _belongs(self, packet: HostPacket, sender: Address, now: int) -> bool:
-        """Tell whether a packet is of the session, which a host can begin when no other one is using the table."""
+        """Tell whether a packet is of the session; any packet begins one when no host has the table."""
         if self._owner == (packet.session, sender):
             return True
         silent = now - self._heard > SESSION_SILENCE and (self._lockstep or self.state is not ControllerState.STOPPING)
@@ -228,7 +228,7 @@ class VirtualController:
         return False
 
     def _do(self, packet: HostPacket, now: int) -> bool:
-        """Do what a packet asks for; True when the answer comes later."""
+        """Do what a packet asks for, and return whether its answer comes later."""
         if self._faults.active("frozen"):
             return False
         moving = self.state in (ControllerState.ARMED, ControllerState.RUNNING)
@@ -294,7 +294,7 @@ class VirtualController:
         self._answers.append(Answer(due, sender, data))
 
     def _sensed(self) -> list[float]:
-        """Return the sensors in the order of the fault "stuck"."""
+        """Return the sensors in the order that the fault ``stuck`` counts them."""
         m = self._measurement
         sensors = [m.table_acceleration, m.table_displacement, m.actuator_force, m.base_shear, *m.floor_accelerations]
         if self._faults.active("nan"):

@@ -1,4 +1,4 @@
-"""What a virtual table controller moves, and the simulated table as such."""
+"""Protocol of a table that a virtual controller moves, and the simulated table as one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every model of a table has in common as a table controller: held commands, steps in order, no connection."""
+"""Base of every model of a table as a table controller: held commands, steps in order, no connection."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ FloatArray = NDArray[np.float64]
 #: Longest step of the integration [s].
 LONGEST_SUBSTEP = 0.5e-3
 
-#: Velocity at which Coulomb friction is fully there [m/s].
+#: Velocity above which Coulomb friction has its full value [m/s].
 FRICTION_VELOCITY = 2e-3
 
 #: Stiffness of the end stops over the platen mass [1/s²], and damping over it [1/s].
@@ -285,7 +285,7 @@ class ServoHydraulicTable(ModelTable):
     def _effects(
         self, position: float, velocity: float, pressure: float, spool: float, wanted: float
     ) -> tuple[float, float, float]:
-        """Return what the linear part does not know: flow [m/s], valve command [m/s], force on the platen [m/s²]."""
+        """Return the non-linear effects: flow [m/s], valve command [m/s], force on the platen [m/s²]."""
         share = pressure / self._force_capacity
         drop = self._supply - math.copysign(share, spool * pressure)
         flow = spool * (math.sqrt(drop if drop > 0.0 else 0.0) - 1.0)

@@ -141,7 +141,7 @@ class SimulatedTableConfig:
         return Sensors(floors, *accelerations, self.shear_noise, self.displacement_noise, self.force_noise, seed)
 
     def specimen(self, model: ShearBuilding) -> ShearBuilding:
-        """Return what stands on the simulated table: a specimen that is not quite its model.
+        """Return the true specimen on the simulated table: the model with `specimen_stiffness_factor`.
 
         Parameters
         ----------

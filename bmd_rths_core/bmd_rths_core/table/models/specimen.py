@@ -1,4 +1,4 @@
-"""Experimental substructure: what stands on the table, as a model."""
+"""Model of the experimental substructure, which stands on the table."""
 
 from __future__ import annotations
 
