@@ -60,8 +60,15 @@ class Shaper(Protocol):
         DiscreteStateSpace or None
             Input desired acceleration [m/s²], and where the shaper learns, the accelerations of table and n floors
             [m/s²], base shear [N], displacement [m] and actuator force [N] at the end of the step before. Output
-            command [m/s²].
+            command [m/s²]. Numerical substructure and feedback scale must not matter: stability varies them.
         """
+
+
+class AdaptiveShaper(Shaper, Protocol):
+    """A shaper that is not linear because it adapts."""
+
+    def held(self) -> DiscreteStateSpace:
+        """Return the shaper as it begins, its adaptation held, as `Shaper.state_space` has it; stability needs it."""
 
 
 class InterfaceDemand(NamedTuple):

@@ -60,27 +60,34 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     Notes
     -----
     Whatever controller is configured, its table is the simulated one, which for a real table is its identified model. A
-    yielding numerical substructure is taken as linear about rest, with its own integration.
+    yielding numerical substructure is taken as linear about rest, with its own integration. The adaptation of a shaper
+    is held as it begins; `has_matrices` tells.
+
+    Raises
+    ------
+    InputError
+        The compensator is neither linear nor does it say what it is without adaptation.
     """
     if config.compensator.control is not None:
         return controlled_loop(config)
     specimen, step = config.specimen.building(), config.run.time_step
     table = SimulatedTable(config.simulated_table, specimen, step, config.run.seed)
-    numerical, shaper = make_numerical_substructure(config), make_command_shaper(config).state_space()
-    if shaper is None:
-        raise InputError(f"run.scheme: {config.run.scheme} is not linear; there are no matrices of its loop")
+    numerical, shaper = make_numerical_substructure(config), _linear(config)
+    # What a shaper takes of the sensors at the end of the step before is a state of the loop, one each.
+    taken = np.flatnonzero(shaper.b[:, 1:].any(axis=0) | shaper.d[:, 1:].any(axis=0))
+    moving = displacement or (len(taken) > 0 and int(taken[-1]) >= specimen.stories + 2)
     stages = {
         "numerical": numerical.state_space(),
-        "shaper": shaper,
-        "table": table.state_space(displacement),
+        "shaper": shaper._replace(b=shaper.b[:, (0, *(1 + taken))], d=shaper.d[:, (0, *(1 + taken))]),
+        "table": table.state_space(moving),
         "estimator": estimator_state_space(config.shear_estimator, specimen, step),
         "correction": make_force_correction(config).state_space(),
     }
     # A signal is a row: what it takes of the state of the loop and of the inputs. The first state is the shear fed
     # back, the others are those of the stages.
-    noise = sensor_noise(config.simulated_table, specimen.stories)[: specimen.stories + (4 if displacement else 2)]
+    noise = sensor_noise(config.simulated_table, specimen.stories)[: specimen.stories + (4 if moving else 2)]
     noisy = len(noise)
-    size = 1 + sum(len(stage.a) for stage in stages.values())
+    size = 1 + sum(len(stage.a) for stage in stages.values()) + len(taken)
     rows = np.eye(size + 1 + noisy)
     feedback, ground = rows[:1], rows[size : size + 1]
     own, begin = {}, 1
@@ -96,12 +103,12 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
         return stage.c @ own[name] + stage.d @ signals
 
     response = run("numerical", ground, feedback)
-    command = run("shaper", response[:1])
+    command = run("shaper", response[:1], rows[size - len(taken) : size])
     sensors = run("table", command)
     sensors += noise[:, None] * rows[size + 1 :]
     shear = run("estimator", sensors[: specimen.stories + 2])
     corrected = run("correction", response[1:2], shear)
-    transition = np.vstack((corrected, *(following[name] for name in stages)))
+    transition = np.vstack((corrected, *(following[name] for name in stages), sensors[taken]))
     output = np.vstack((response[:2], command, sensors, shear, corrected, corrected, response[2:]))
     start = np.zeros((size, 1))
     if isinstance(numerical, NumericalSubstructure):
@@ -109,5 +116,16 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     return ClosedLoop(
         system=DiscreteStateSpace(transition[:, :size], transition[:, size:], output[:, :size], output[:, size:]),
         start=start,
-        outputs=output_names(config, displacement),
+        outputs=output_names(config, moving),
     )
+
+
+def _linear(config: Config) -> DiscreteStateSpace:
+    """Return the command shaper of a configuration, or what it is without adaptation."""
+    shaper = make_command_shaper(config)
+    system = shaper.state_space()
+    if system is None and hasattr(shaper, "held"):
+        system = shaper.held()
+    if system is None:
+        raise InputError(f"run.scheme: {config.run.scheme} is not linear; there are no matrices of its loop")
+    return system
