@@ -109,7 +109,9 @@ def campaign_file(folder: Path) -> bytes:
     errors = dict.fromkeys(("substructure", "control_layer", "superstructure"), 1.5)
     row = {"key": "k", "motion": "m", "event": "e", "file": "=f", "component": "-c", "scheme": "uc", "variation": {},
            "stable": True, "outcome": "finished", "reason": "", "steps": 3, "rmse_percent": errors,
-           "tracking_delay_ms": 1.0, "engine": "x"}  # fmt: skip
+           "tracking_delay_ms": 1.0, "engine": "x", "rmse_true_percent": errors, "rmse_clean_percent": errors,
+           "noise_floor_percent": errors, "capture": errors, "tracking_error_percent": 1.0, "delay_ms": 1.0,
+           "verdict": "red"}  # fmt: skip
     table.append([row])
     table.close()
     return table.path.read_bytes()

@@ -30,6 +30,7 @@ from bmd_rths_core.table.models.identified import IdentifiedModelConfig
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
 from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
+from bmd_rths_core.verdict_bands import VerdictConfig
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class Config:
     Parameters
     ----------
     run, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table, simulated_table,
-    virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder
+    virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder, verdict
         See the section classes.
     compensation : tuple
         The sections of the other compensators, as the registry finds them; in a file they stand beside the others.
@@ -143,6 +144,7 @@ class Config:
     shear_estimator: ShearEstimatorConfig = dataclasses.field(default_factory=ShearEstimatorConfig)
     force_correction: ForceCorrectionConfig = dataclasses.field(default_factory=ForceCorrectionConfig)
     recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)
+    verdict: VerdictConfig = dataclasses.field(default_factory=VerdictConfig)
     compensation: tuple[Any, ...] = dataclasses.field(
         default_factory=lambda: tuple(SECTIONS[name]() for name in compensation_sections())
     )

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from bmd_rths_core.analysis.capture import capture_of
 from bmd_rths_core.analysis.metrics import run_metrics
+from bmd_rths_core.analysis.run_analysis import analysed
 from bmd_rths_core.campaign.motions import read_motions
 from bmd_rths_core.campaign.paper_tables import EVENTS, TABLE_2, TABLE_3, event_of, paper_mean
 from bmd_rths_core.campaign.study import PIECE, Study, key_of_run, run_piece
@@ -72,12 +74,31 @@ def test_results_are_those_of_single_runs(folder):
     for result in results:
         changes = {"run__scheme": result["scheme"], "ground_motion__record": result["file"]}
         config = Config().changed(**changes, force_correction__feedback_scale=0.4)
-        metrics = run_metrics(RthsLoop(config, select_ground_motion(config.ground_motion, 0.005)).run())
+        record = RthsLoop(config, select_ground_motion(config.ground_motion, 0.005)).run()
+        metrics, quality = run_metrics(record), analysed(record, capture=False).quality
         assert result["rmse_percent"] == pytest.approx(metrics.rmse_percent, rel=1e-9)
         assert result["tracking_delay_ms"] == pytest.approx(metrics.tracking_delay_ms, rel=1e-9)
+        assert result["rmse_true_percent"] == pytest.approx(quality.rmse_true_percent, rel=1e-9)
+        assert result["rmse_clean_percent"] == pytest.approx(quality.rmse_clean_percent, rel=1e-9)
+        assert result["noise_floor_percent"]["substructure"] is None
+        assert result["tracking_error_percent"] == pytest.approx(quality.tracking.error_percent, rel=1e-9)
+        assert result["delay_ms"] == pytest.approx(quality.tracking.delay_ms, rel=1e-9)
+        assert (result["capture"], result["verdict"]) == ({"substructure": None, "superstructure": None}, "red")
         assert (result["stable"], result["engine"]) == (True, "linear")
         assert result["variation"] == {"force_correction.feedback_scale": 0.4}
         assert result["event"] == ("Kobe" if result["motion"] == "a" else None)
+
+
+def test_capture_is_that_of_single_runs_and_part_of_what_a_run_is(folder):
+    motions = read_motions(folder).motions
+    without, study = (Study(Config(), motions, ["uc"], capture=capture) for capture in (False, True))
+    results = [finished.result for piece in study.pieces() for finished in run_piece(piece)]
+    for result in results:
+        config = Config().changed(run__scheme="uc", ground_motion__record=result["file"])
+        single = capture_of(config, select_ground_motion(config.ground_motion, 0.005))
+        assert result["capture"] == pytest.approx(single._asdict(), rel=1e-9)
+    keys = [{run.key for piece in each.pieces() for run in piece.runs} for each in (without, study)]
+    assert not keys[0] & keys[1]
 
 
 def test_unstable_runs_have_no_errors(folder):

@@ -14,6 +14,11 @@ ROW = {
     **{"key": "k", "motion": "=1+1", "event": "@e", "file": "-f", "component": "'=c", "scheme": "uc", "variation": {}},
     **{"stable": True, "outcome": "finished", "reason": "+r", "steps": 3, "tracking_delay_ms": 1.0, "engine": "x"},
     "rmse_percent": {"substructure": -1.5, "control_layer": 2.5, "superstructure": None},
+    "rmse_true_percent": {"substructure": 1.0, "control_layer": 2.5, "superstructure": None},
+    "rmse_clean_percent": {"substructure": 1.0, "control_layer": 2.0, "superstructure": None},
+    "noise_floor_percent": {"substructure": None, "control_layer": 8.5, "superstructure": 9.0},
+    "capture": {"substructure": 0.5, "superstructure": None},
+    **{"tracking_error_percent": 102.0, "delay_ms": -1.0, "verdict": "red"},
 }
 
 

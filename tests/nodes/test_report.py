@@ -14,7 +14,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import TimingStatistics
-from bmd_rths_core.report.wording import problems, results, verdict
+from bmd_rths_core.report.wording import ending, problems, results
 from bmd_rths_msgs_py.record_bag import write_record
 
 #: Tags that have no end.
@@ -170,9 +170,9 @@ def test_what_is_said_of_deadlines_and_of_the_operator(record):
         run = analysed(dataclasses.replace(record, configuration=configuration, timing=in_time))
         assert ("deadlines" in results(run)) != lockstep
     stopped = dataclasses.replace(record, outcome="stopped", reason="table_driver: stopped by the operator")
-    assert verdict(stopped) == "Stopped by the operator."
+    assert ending(stopped) == "Stopped by the operator."
     other = dataclasses.replace(stopped, reason="the launch was interrupted")
-    assert verdict(other) == "Stopped by the operator: the launch was interrupted"
+    assert ending(other) == "Stopped by the operator: the launch was interrupted"
 
 
 @pytest.mark.slow

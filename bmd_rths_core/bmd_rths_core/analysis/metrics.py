@@ -12,6 +12,7 @@ from bmd_rths_core.analysis.reference import nonlinear_reference_response, refer
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -166,7 +167,9 @@ def reference_of(record: RunRecord, config: Config) -> FloatArray:
     return references_of([np.nan_to_num(record.ground_acceleration)], config)[0]
 
 
-def references_of(ground_accelerations: Sequence[FloatArray], config: Config) -> list[FloatArray]:
+def references_of(
+    ground_accelerations: Sequence[FloatArray], config: Config, specimen: ShearBuilding | None = None
+) -> list[FloatArray]:
     """Return the reference responses of a configuration to some ground motions.
 
     Parameters
@@ -175,6 +178,8 @@ def references_of(ground_accelerations: Sequence[FloatArray], config: Config) ->
         a_g at the steps [m/s²].
     config : Config
         The whole configuration.
+    specimen : ShearBuilding, optional
+        Upper part of the building; by default the nominal specimen.
 
     Returns
     -------
@@ -182,7 +187,7 @@ def references_of(ground_accelerations: Sequence[FloatArray], config: Config) ->
         As `reference_of` has it.
     """
     lower = config.numerical_substructure.building()
-    upper = config.specimen.building().scaled(config.force_correction.feedback_scale)
+    upper = (specimen or config.specimen.building()).scaled(config.force_correction.feedback_scale)
     if config.nonlinear.linear_chain:
         return reference_responses(upper.stacked_on(lower), ground_accelerations, config.run.time_step)
     building = nonlinear_building(lower, config.nonlinear).below(upper)

@@ -11,7 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from bmd_rths_core.analysis.metrics import compare, references_of
+from bmd_rths_core.analysis.capture import UNKNOWN, captures
+from bmd_rths_core.analysis.metrics import RunMetrics, compare, references_of
+from bmd_rths_core.analysis.quality import RunQuality, run_quality, told_quality
+from bmd_rths_core.analysis.true_building import true_references_of
 from bmd_rths_core.campaign.engine import CampaignRun, SelectedMotion, run_motions
 from bmd_rths_core.campaign.motions import CampaignMotion
 from bmd_rths_core.campaign.paper_tables import event_of
@@ -30,6 +33,12 @@ _RESERVED = {
     "ground_motion.component": "--motions",
     "ground_motion.unit": "--motions",
 }
+
+#: What of the quality of a run a campaign tells.
+_TOLD = (
+    *("rmse_true_percent", "rmse_clean_percent", "noise_floor_percent", "capture"),
+    *("tracking_error_percent", "delay_ms", "verdict"),
+)
 
 
 class PlannedRun(NamedTuple):
@@ -64,12 +73,15 @@ class Piece:
         The motions.
     runs : tuple of PlannedRun
         The runs, those of a scheme beside each other.
+    capture : bool
+        Compute the capture of every run, by two more runs.
     """
 
     config: Config
     variation: Mapping[str, object]
     motions: tuple[CampaignMotion, ...]
     runs: tuple[PlannedRun, ...]
+    capture: bool = False
 
 
 class FinishedRun(NamedTuple):
@@ -103,6 +115,8 @@ class Study:
         Values of every parameter that is varied, by ``section.key``; all combinations are run.
     engine : str
         What runs the study, part of every key; empty for `run_piece`.
+    capture : bool
+        Compute the capture of every run too, which takes about twice as long again; part of every key.
 
     Raises
     ------
@@ -115,6 +129,7 @@ class Study:
     schemes: Sequence[str]
     vary: Mapping[str, Sequence[object]] = dataclasses.field(default_factory=dict)
     engine: str = ""
+    capture: bool = False
 
     def __post_init__(self) -> None:
         """Check every value that is varied, by itself."""
@@ -143,7 +158,10 @@ class Study:
         for values in itertools.product(*self.vary.values()):
             variation = dict(zip(self.vary, values, strict=True))
             config = _varied(self.config, variation)
-            hashes = {scheme: _configuration_hash(with_scheme(config, scheme), self.engine) for scheme in self.schemes}
+            hashes = {
+                scheme: _configuration_hash(with_scheme(config, scheme), self.engine, self.capture)
+                for scheme in self.schemes
+            }
             for begin in range(0, len(self.motions), PIECE):
                 motions = tuple(self.motions[begin : begin + PIECE])
                 runs = (
@@ -151,7 +169,7 @@ class Study:
                     for scheme in self.schemes
                     for i, motion in enumerate(motions)
                 )
-                yield Piece(config, variation, motions, tuple(runs))
+                yield Piece(config, variation, motions, tuple(runs), self.capture)
 
 
 def run_piece(piece: Piece) -> Iterator[FinishedRun]:
@@ -175,17 +193,25 @@ def run_piece(piece: Piece) -> Iterator[FinishedRun]:
         selected[i] = SelectedMotion(selection, prepare_ground_motion(piece.motions[i].motion, selection, step))
     grounds = [selected[i].motion.acceleration for i in needed]
     lower = len(config.numerical_substructure.masses)
-    references = dict(zip(needed, references_of(grounds, config), strict=True))
+    nominal = references_of(grounds, config)
+    references = dict(zip(needed, nominal, strict=True))
+    true_references = dict(zip(needed, true_references_of(grounds, config, nominal), strict=True))
     for scheme, group in itertools.groupby(piece.runs, key=lambda run: run.scheme):
         planned = list(group)
-        finished = run_motions(with_scheme(config, scheme), [selected[run.motion] for run in planned])
-        for plan, run in zip(planned, finished, strict=True):
-            metrics = compare(run.record, references[plan.motion][: run.record.steps], lower)
-            yield FinishedRun(result_of_run(plan, piece, run, metrics.rmse_percent, metrics.tracking_delay_ms), run)
+        chosen = with_scheme(config, scheme)
+        finished = run_motions(chosen, [selected[run.motion] for run in planned])
+        shares = [UNKNOWN] * len(planned)
+        if piece.capture:
+            shares = captures(chosen, [selected[run.motion].motion.acceleration for run in planned])
+        for plan, run, share in zip(planned, finished, shares, strict=True):
+            steps = run.record.steps
+            metrics = compare(run.record, references[plan.motion][:steps], lower)
+            quality = run_quality(run.record, chosen, true_references[plan.motion][:steps], share)
+            yield FinishedRun(result_of_run(plan, piece, run, metrics, quality), run)
 
 
 def result_of_run(
-    plan: PlannedRun, piece: Piece, run: CampaignRun, rmse_percent: Mapping[str, float], tracking_delay_ms: float
+    plan: PlannedRun, piece: Piece, run: CampaignRun, metrics: RunMetrics, quality: RunQuality
 ) -> dict[str, Any]:
     """Return what is told about a run, as plain values.
 
@@ -197,10 +223,10 @@ def result_of_run(
         The piece it belongs to.
     run : CampaignRun
         The run.
-    rmse_percent : Mapping of str to float
-        Errors of Eq. 12 [%].
-    tracking_delay_ms : float
-        Delay of the table [ms].
+    metrics : RunMetrics
+        Errors of Eq. 12, against the nominal building.
+    quality : RunQuality
+        What it is judged by.
 
     Returns
     -------
@@ -220,13 +246,14 @@ def result_of_run(
         "outcome": record.outcome,
         "reason": record.reason,
         "steps": record.steps,
-        "rmse_percent": {name: _known(value) if record.stable else None for name, value in rmse_percent.items()},
-        "tracking_delay_ms": _known(tracking_delay_ms),
+        "rmse_percent": {n: _known(v) if record.stable else None for n, v in metrics.rmse_percent.items()},
+        "tracking_delay_ms": _known(metrics.tracking_delay_ms),
+        **{name: _plain(value) for name, value in told_quality(quality, record.stable).items() if name in _TOLD},
         "engine": run.engine,
     }
 
 
-def key_of_run(config: Config, sha256: str, engine: str) -> str:
+def key_of_run(config: Config, sha256: str, engine: str, capture: bool = False) -> str:
     """Return the key that a study gives a run.
 
     Parameters
@@ -235,11 +262,11 @@ def key_of_run(config: Config, sha256: str, engine: str) -> str:
         Configuration of the run; where its record lies does not matter.
     sha256 : str
         SHA-256 of its record.
-    engine : str
+    engine, capture
         As in `Study`.
     """
     selection = config.ground_motion
-    return _run_key(_configuration_hash(config, engine), sha256, selection.component, selection.unit)
+    return _run_key(_configuration_hash(config, engine, capture), sha256, selection.component, selection.unit)
 
 
 def with_scheme(config: Config, scheme: str) -> Config:
@@ -259,6 +286,13 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def _plain(value: Any) -> Any:
+    """Return a value without NaN."""
+    if isinstance(value, dict):
+        return {name: _plain(entry) for name, entry in value.items()}
+    return _known(value) if isinstance(value, float) else value
+
+
 def _varied(config: Config, variation: Mapping[str, object]) -> Config:
     try:
         return config.changed(**{name.replace(".", "__", 1): value for name, value in variation.items()})
@@ -267,12 +301,12 @@ def _varied(config: Config, variation: Mapping[str, object]) -> Config:
         raise InputError(f"--vary {given}: {error}") from error
 
 
-def _configuration_hash(config: Config, engine: str) -> str:
+def _configuration_hash(config: Config, engine: str, capture: bool) -> str:
     """Return a hash of everything that is configured but which record it is."""
     mapping = config.as_mapping()
     for name in ("record", "component", "unit"):
         del mapping["ground_motion"][name]
-    content = [__version__, mapping, *([engine] if engine else [])]
+    content = [__version__, mapping, *([engine] if engine else []), *(["capture"] if capture else [])]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from bmd_rths_core.analysis.run_analysis import RunAnalysis
+from bmd_rths_core.analysis.verdict import GREEN
 from bmd_rths_core.report.document import Block, Document, Paragraph, Picture, Section, Table
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.sections.comparison import comparisons
@@ -32,9 +33,10 @@ def comparison_report(reports: Sequence[ReportedRun]) -> Document:
     wrong = _by_run([problems(report.analysis, report.motion.deviation_percent) for report in reports])
     assumed = _by_run([[assumption(analysis)] for analysis in analyses])
     finished = sum(analysis.record.outcome == "finished" for analysis in analyses)
+    good = sum(analysis.quality.judgement.verdict == GREEN for analysis in analyses)
     return Document(
         title=f"Comparison of {len(reports)} runs",
-        verdict=f"{finished} of {len(reports)} runs have finished.",
+        verdict=f"{finished} of {len(reports)} runs have finished, {good} are good.",
         good=not wrong,
         notes=(),  # so many lines would stand before the first number
         sections=(

@@ -20,7 +20,7 @@ def run_report(run: ReportedRun) -> Document:
     wrong = problems(analysis, run.motion.deviation_percent)
     return Document(
         title=f"{record.motion.get('name', 'unknown motion')}, {run.config.run.scheme}",
-        verdict=verdict(record),
+        verdict=verdict(analysis),
         good=not wrong,
         notes=tuple(note for note in (results(analysis), *wrong, assumption(analysis)) if note),
         sections=tuple(Section(section.TITLE, tuple(section.blocks(run))) for section in SECTIONS),

@@ -6,6 +6,7 @@ import math
 
 from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.analysis.run_analysis import RunAnalysis
+from bmd_rths_core.analysis.verdict import GREEN, RED, UNJUDGED
 from bmd_rths_core.record import RunRecord
 
 _OUTCOMES = {
@@ -15,6 +16,8 @@ _OUTCOMES = {
     "failed": "Failed",
     "cut": "Cut: the recording has no end",
 }
+
+_VERDICTS = {GREEN: "Good.", RED: "Not good.", UNJUDGED: "Not judged."}
 
 #: Difference of the numerical substructure computed again that rounding and sensors do not explain [%].
 _LARGEST_DEVIATION = 0.1
@@ -32,7 +35,14 @@ def significant(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
-def verdict(record: RunRecord) -> str:
+def verdict(analysis: RunAnalysis) -> str:
+    """Return a sentence that says whether a test is good, and how it ended."""
+    record = analysis.record
+    ended = ending(record)
+    return f"{_VERDICTS[analysis.quality.judgement.verdict]} {ended}" if record.outcome == "finished" else ended
+
+
+def ending(record: RunRecord) -> str:
     """Return a sentence that says how a test ended."""
     words = _OUTCOMES[record.outcome]
     if record.outcome == "finished":
@@ -49,6 +59,10 @@ def results(analysis: RunAnalysis) -> str:
     if analysis.record.stable and any(math.isfinite(value) for _, value in errors):
         listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in errors)
         parts.append(f"RMSE against the building without partition: {listed}")
+        true = analysis.quality.rmse_true_percent
+        if any(math.isfinite(value) for value in true.values()):
+            listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in true.items())
+            parts.append(f"with the {analysis.quality.specimen} specimen: {listed}")
     if math.isfinite(metrics.tracking_delay_ms):
         parts.append(f"the table is {number(metrics.tracking_delay_ms)} ms late")
     if timing is not None and not analysis.config.run.lockstep:
@@ -68,6 +82,8 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
         Of the numerical substructure computed again [%].
     """
     record, found = analysis.record, []
+    if record.outcome == "finished":
+        found += analysis.quality.judgement.reasons
     if record.outcome != "finished":
         duration = record.steps * record.time_step
         what = "Errors and peaks" if record.stable else "Peaks"

@@ -66,7 +66,7 @@ class _Test(NamedTuple):
         """Tell whether a recording is one of this run, by what it says itself."""
         config = config_from_mapping(record.configuration)
         config = config.changed(recorder__directory=self.piece.config.recorder.directory)
-        return key_of_run(config, record.motion["sha256"], ENGINE) == self.plan.key
+        return key_of_run(config, record.motion["sha256"], ENGINE, self.piece.capture) == self.plan.key
 
     def analysis_of(self, bag: Path) -> RunAnalysis:
         """Return what a bag comes to.
@@ -83,7 +83,7 @@ class _Test(NamedTuple):
             raise InputError(f"{record.outcome}: {record.reason}")
         if not self.is_that_of(record):
             raise InputError(f"{bag}: the recording of another run")
-        analysis = analysed(record)
+        analysis = analysed(record, self.piece.capture)
         missing = analysis.metrics.missing_values
         if record.outcome == "finished" and (missing or record.steps != self.motion.steps):
             raise InputError(f"{record.steps} of {self.motion.steps} steps recorded, {missing} values missing")
@@ -155,8 +155,7 @@ class RosRunner:
         except InputError:
             shutil.rmtree(bag, ignore_errors=True)
             analysis = self._recorded(test, bag, monitor)
-        run, metrics = CampaignRun(analysis.record, ENGINE), analysis.metrics
-        return result_of_run(plan, piece, run, metrics.rmse_percent, metrics.tracking_delay_ms)
+        return result_of_run(plan, piece, CampaignRun(analysis.record, ENGINE), analysis.metrics, analysis.quality)
 
     def _recorded(self, test: _Test, bag: Path, monitor: RunMonitor) -> RunAnalysis:
         """Run a test; its bag gets its name when it is complete."""

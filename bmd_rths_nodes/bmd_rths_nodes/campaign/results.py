@@ -17,10 +17,19 @@ from bmd_rths_nodes.campaign.file_lock import lock
 CSV_NAME, PARQUET_NAME = "campaign.csv", "campaign.parquet"
 
 _ERRORS = ("substructure", "control_layer", "superstructure")
+#: Results that have several numbers, and the columns of each.
+_SEVERAL = {
+    "rmse_percent": {name: f"rmse_{name}_percent" for name in _ERRORS},
+    "rmse_true_percent": {name: f"rmse_true_{name}_percent" for name in _ERRORS},
+    "rmse_clean_percent": {name: f"rmse_clean_{name}_percent" for name in _ERRORS},
+    "noise_floor_percent": {name: f"noise_floor_{name}_percent" for name in _ERRORS},
+    "capture": {name: f"capture_{name}" for name in ("substructure", "superstructure")},
+}
+_NUMBERS = ("tracking_delay_ms", "tracking_error_percent", "delay_ms")
 _COLUMNS = (
     *("key", "motion", "event", "file", "component", "scheme", "variation", "stable", "outcome", "reason", "steps"),
-    *(f"rmse_{name}_percent" for name in _ERRORS),
-    *("tracking_delay_ms", "engine"),
+    *(column for columns in _SEVERAL.values() for column in columns.values()),
+    *(*_NUMBERS, "verdict", "engine"),
 )
 _HEADER = (",".join(_COLUMNS) + "\n").encode()
 
@@ -135,8 +144,8 @@ class CampaignResults:
 
 
 def _line(result: Mapping[str, Any]) -> bytes:
-    errors = {f"rmse_{name}_percent": value for name, value in result["rmse_percent"].items()}
-    row = {**result, **errors, "variation": json.dumps(result["variation"])}
+    several = {column: result[of][name] for of, columns in _SEVERAL.items() for name, column in columns.items()}
+    row = {**result, **several, "variation": json.dumps(result["variation"])}
     text = io.StringIO()
     # A missing value is an empty cell; the shortest text that reads back as the same number is that of repr.
     cells = ("" if row[name] is None else row[name] for name in _COLUMNS)
@@ -166,8 +175,9 @@ def _result(row: Mapping[str, str]) -> dict[str, Any]:
         "stable": row["stable"] == "True",
         **{name: row[name] for name in ("outcome", "reason")},
         "steps": int(row["steps"]),
-        "rmse_percent": {name: _number(row[f"rmse_{name}_percent"]) for name in _ERRORS},
-        "tracking_delay_ms": _number(row["tracking_delay_ms"]),
+        **{of: {name: _number(row[column]) for name, column in columns.items()} for of, columns in _SEVERAL.items()},
+        **{name: _number(row[name]) for name in _NUMBERS},
+        "verdict": row["verdict"],
         "engine": row["engine"],
     }
 

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, TextColumn
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.cli.error_tables import result_with_event, show_error_tables
-from bmd_rths_nodes.cli.options import json_option, log, progress_bar
+from bmd_rths_nodes.cli.options import capture_option, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 
 if TYPE_CHECKING:
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Write a report with all figures, too: one web page (.html) or the same for print (.pdf).",
 )
+@capture_option
 @json_option
-def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
+def analyze(bags: tuple[str, ...], report: Path | None, capture: bool | None, as_json: bool) -> int:
     """Compute the errors of recorded tests against the reference, from their bags alone.
 
     Of one bag everything is told; of several, Tables 2 and 3 of the paper beside the paper's numbers. The report of
@@ -43,7 +44,7 @@ def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
     with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
         task = progress.add_task("reading", total=len(bags) + (report is not None))
         for bag in bags:
-            analysis = _analysed(bag)
+            analysis = _analysed(bag, capture)
             results.append(_result(analysis, bag))
             if report is not None:  # otherwise many bags need no memory
                 analyses.append(analysis)
@@ -68,7 +69,7 @@ def analyze(bags: tuple[str, ...], report: Path | None, as_json: bool) -> int:
 _OF_MANY = ("event", "file", "variation")
 
 
-def _analysed(bag: str) -> RunAnalysis:
+def _analysed(bag: str, capture: bool | None) -> RunAnalysis:
     from bmd_rths_core.analysis.run_analysis import analysed
     from bmd_rths_msgs_py.bag_reader import read_bag
 
@@ -76,7 +77,7 @@ def _analysed(bag: str) -> RunAnalysis:
     if record.outcome == "cut":
         log(f"warning: {bag}: {record.reason}")
     try:
-        return analysed(record)
+        return analysed(record, capture)
     except InputError as error:
         raise InputError(f"{bag}: configuration: {error}") from error
 

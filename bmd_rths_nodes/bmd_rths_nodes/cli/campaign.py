@@ -72,6 +72,11 @@ _WORTH_A_PROCESS = 64
     show_default=True,
     help="Folder of the results; what it holds already is not run again.",
 )
+@click.option(
+    "--capture",
+    is_flag=True,
+    help="Compute the capture of every run too, by two more runs each; part of what a run is.",
+)
 @click.option("--bags", "with_bags", is_flag=True, help="Write a bag of every run into the folder bags in --output.")
 @json_option
 def campaign(
@@ -83,6 +88,7 @@ def campaign(
     scheduler: str | None,
     on_ros: bool,
     output: Path,
+    capture: bool,
     with_bags: bool,
     as_json: bool,
 ) -> int:
@@ -113,7 +119,7 @@ def campaign(
     found = read_motions(source)
     for file, problem in found.left_out.items():
         log(f"left out: {file}: {problem}")
-    study = _study_on_ros(config, found.motions, names, vary) if on_ros else Study(config, found.motions, names, vary)
+    study = (_study_on_ros if on_ros else Study)(config, found.motions, names, vary, capture=capture)
     check_writable(output)
     with contextlib.closing(CampaignResults(output)) as results:
         bags = _prepared(output / "bags") if with_bags or on_ros else None
@@ -172,7 +178,11 @@ def _usable_cores() -> int:
 
 
 def _study_on_ros(
-    config: Config, motions: Sequence[CampaignMotion], schemes: Sequence[str], vary: Mapping[str, Sequence[object]]
+    config: Config,
+    motions: Sequence[CampaignMotion],
+    schemes: Sequence[str],
+    vary: Mapping[str, Sequence[object]],
+    capture: bool,
 ) -> Study:
     from bmd_rths_core.campaign.study import Study
     from bmd_rths_nodes.campaign.on_ros import DECIDED, ENGINE
@@ -181,7 +191,7 @@ def _study_on_ros(
         if name in DECIDED or name == "recorder.directory":
             raise InputError(f"--vary {name}: is decided by --ros")
     decided = {name.replace(".", "__"): value for name, value in DECIDED.items()}
-    return Study(config.changed(**decided), motions, schemes, vary, ENGINE)
+    return Study(config.changed(**decided), motions, schemes, vary, ENGINE, capture)
 
 
 def _on_ros(pieces: Iterator[Piece], bags: Path, on_progress: Callable[[str], None]) -> Iterator[Results]:

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output.")
 
+capture_option = click.option(
+    "--capture/--no-capture",
+    default=None,
+    help="Compute the capture of a simulated table, by two more runs. [default: where the loop is linear]",
+)
+
 
 def check_writable(folder: Path) -> None:
     """Make a folder and check that it can be written.

@@ -26,6 +26,7 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         The object of ``--json``. Errors of a run that a limit ended are None.
     """
     from bmd_rths_core.analysis.assumptions import assumptions
+    from bmd_rths_core.analysis.quality import told_quality
 
     record, metrics = analysis.record, analysis.metrics
     result = {
@@ -41,6 +42,7 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         "rmse_percent": metrics.rmse_percent if record.stable else dict.fromkeys(metrics.rmse_percent),
         "floor_rmse_percent": list(metrics.floor_rmse_percent) if record.stable else None,
         "tracking_delay_ms": metrics.tracking_delay_ms,
+        **told_quality(analysis.quality, record.stable),
         "benchmark_criteria": analysis.told_criteria,
         "table_peaks": analysis.peaks._asdict(),
         "missing_values": metrics.missing_values,
@@ -78,6 +80,11 @@ def show(result: dict[str, Any], as_json: bool) -> None:
             f"RMSE {floor.replace('_', ' ')}",
             "not computed, a limit ended the test" if not result["stable"] else _number(value, "%"),
         )
+    if result["stable"]:
+        for label, of in _QUALITY.items():
+            table.add_row(label, ", ".join(_of_place(name, value) for name, value in result[of].items()))
+    table.add_row("tracking error of the table", _number(result["tracking_error_percent"], "%"))
+    table.add_row("delay, amplitude of the table (FEI)", _evaluation(result))
     table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))
     table.add_row("peaks of the table", _table_peaks(result["table_peaks"]))
     if "ductility" in result:
@@ -90,11 +97,33 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         closure = ", ".join(f"{name} {_number(value, 'ms')}" for name, value in result["closure_ms"].items())
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
         table.add_row("closure of a step", closure)
+    table.add_row("verdict", Text(result["verdict"], style=_COLOURS[result["verdict"]]))
     Console(soft_wrap=True).print(table)
+    for reason in result["verdict_reasons"]:
+        click.echo(reason)
     if result["assumptions"]:
         click.echo(result["assumptions"])
     if "bag" in result:
         click.echo(f"bag: {result['bag']}")
+
+
+#: What is told of interface and floors, beside the errors against the nominal building.
+_QUALITY = {
+    "RMSE, true building": "rmse_true_percent",
+    "RMSE, true building, no noise": "rmse_clean_percent",
+    "noise of the sensors": "noise_floor_percent",
+    "capture": "capture",
+}
+_COLOURS = {"green": "bold green", "red": "bold red", "unjudged": "bold yellow"}
+
+
+def _of_place(name: str, value: float | None) -> str:
+    return f"{name.replace('_', ' ')} {'–' if value is None else format(value, '.2f')}"
+
+
+def _evaluation(result: dict[str, Any]) -> str:
+    at = f" at {_number(result['frequency_hz'], 'Hz')}" if result["frequency_hz"] is not None else ""
+    return f"{_number(result['delay_ms'], 'ms')}, {_number(result['amplitude'], '').strip()}{at}"
 
 
 def _table_peaks(peaks: dict[str, float | None]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
-from bmd_rths_nodes.cli.options import json_option, output_folder, progress_bar
+from bmd_rths_nodes.cli.options import capture_option, json_option, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.run.bag_names import new_bag_directory
 
@@ -16,8 +16,9 @@ from bmd_rths_nodes.run.bag_names import new_bag_directory
 @click.command(epilog="Example: bmd-rths simulate config/simplified_bmd.yaml --scheme uc --json")
 @configured("scheme", "motion", *RECORD_OPTIONS)
 @click.option("--output", type=click.Path(path_type=Path), help="Folder to write a bag of the run into.")
+@capture_option
 @json_option
-def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
+def simulate(choice: ConfigChoice, output: Path | None, capture: bool | None, as_json: bool) -> int:
     """Run a test in process, without ROS: the same stages, the same numbers."""
     from bmd_rths_core.analysis.run_analysis import analysed
     from bmd_rths_core.ground_motion.config import select_ground_motion
@@ -29,7 +30,7 @@ def simulate(choice: ConfigChoice, output: Path | None, as_json: bool) -> int:
         with progress_bar() as progress:
             task = progress.add_task(f"{ground_motion.name}, {resolved.run.scheme}", total=ground_motion.steps)
             record = RthsLoop(resolved, ground_motion).run(progress=lambda done: progress.update(task, completed=done))
-        result = result_of(analysed(record))
+        result = result_of(analysed(record, capture))
         if output is not None:
             from bmd_rths_msgs_py.record_bag import write_record
 

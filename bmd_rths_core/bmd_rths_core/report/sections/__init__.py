@@ -14,6 +14,7 @@ from bmd_rths_core.report.sections import (
     hysteresis,
     limits,
     provenance,
+    quality,
     responses,
     timing,
     tracking,
@@ -52,6 +53,7 @@ class FigureSection(ReportSection, Protocol):
 #: From the top of the page. A further section is a module and a line here.
 SECTIONS: tuple[ReportSection, ...] = (
     errors,
+    quality,
     limits,
     responses,
     tracking,

@@ -1,0 +1,83 @@
+"""The building that a test is really of: the specimen on the table, as far as it is known, over the numerical part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.analysis.metrics import references_of
+from bmd_rths_core.config import Config
+from bmd_rths_core.structure.shear_building import ShearBuilding
+
+FloatArray = NDArray[np.float64]
+
+
+class TrueSpecimen(NamedTuple):
+    """What stands on the table, as far as it is known.
+
+    Parameters
+    ----------
+    building : ShearBuilding
+        The specimen.
+    origin : str
+        ``"simulated"``: that of the simulated table; ``"identified"``: that of the section identified_model.
+    """
+
+    building: ShearBuilding
+    origin: str
+
+
+def true_specimen(config: Config) -> TrueSpecimen | None:
+    """Return the specimen that errors are judged against.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Returns
+    -------
+    TrueSpecimen or None
+        None on a table that is not simulated in process, whose specimen nobody identified.
+
+    Raises
+    ------
+    InputError
+        The identified specimen has another number of stories.
+    """
+    nominal = config.specimen.building()
+    if config.table.controller == "simulated":
+        return TrueSpecimen(config.simulated_table.specimen(nominal), "simulated")
+    if config.identified_model.stiffnesses:
+        return TrueSpecimen(config.identified_model.specimen(nominal), "identified")
+    return None
+
+
+def true_references_of(
+    grounds: Sequence[FloatArray], config: Config, nominal: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Return the responses of the building with the true specimen; all NaN where it is not known.
+
+    Parameters
+    ----------
+    grounds : sequence of ndarray, each of shape (N,)
+        a_g at the steps [m/s²].
+    config : Config
+        The whole configuration.
+    nominal : sequence of ndarray, each of shape (N, n)
+        Responses with the nominal specimen: they are the same where the true one is the nominal one.
+
+    Returns
+    -------
+    list of ndarray, each of shape (N, n)
+        Absolute acceleration of every floor [m/s²].
+    """
+    specimen = true_specimen(config)
+    if specimen is None:
+        return [np.full_like(reference, np.nan) for reference in nominal]
+    if specimen.building == config.specimen.building():
+        return list(nominal)
+    return references_of(grounds, config, specimen.building)
