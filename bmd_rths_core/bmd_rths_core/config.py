@@ -49,7 +49,7 @@ class RunConfig:
     )
     scheme: str = parameter(
         "plc_fc",
-        description="Compensator, by its name; docs/compensators.md describes them",
+        description="Compensator, by its name; docs/reference/compensators.md describes them",
         source="Chen et al. 2020, Table 2",
         choices=tuple(compensators()),
     )

@@ -19,7 +19,7 @@ from bmd_rths_core.loop.build import make_known
 from bmd_rths_core.table.controller import TableMeasurement
 from tests.core.test_mpic import exact
 
-PAGE = Path(__file__).parents[2] / "docs" / "compensators.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "compensators.md"
 EXAMPLE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1]
 DOCUMENTED = "difference_lead"
 #: Most that a step may cost, in steps of the phase lead of the paper, which is a handful of multiplications.

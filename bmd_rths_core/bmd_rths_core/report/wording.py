@@ -81,7 +81,8 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
     deviation_percent : float
         Of the numerical substructure computed again [%].
     """
-    record, found = analysis.record, []
+    record = analysis.record
+    found: list[str] = []
     if record.outcome == "finished":
         found += analysis.quality.judgement.reasons
     if record.outcome != "finished":
