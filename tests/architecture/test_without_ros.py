@@ -35,6 +35,8 @@ BUILD = ("pip", "setuptools", "wheel")
 #: Variables that lead to ROS or to this checkout, the last set by the start-up code of the ROS wheels.
 NOT_INHERITED = ("PYTHONPATH", "PYTHONHOME", "AMENT_PREFIX_PATH", "ROS_DISTRO", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 
+pytestmark = pytest.mark.slow
+
 SHORT = ("--set", "ground_motion.duration=1.0")
 
 
@@ -130,7 +132,6 @@ def test_simulate_writes_the_same_bag(offline, bag):
     assert read_bag(bag).same_signals(record)
 
 
-@pytest.mark.slow
 def test_analyze_and_its_reports(offline, bag):
     for ending in ("html", "pdf"):
         report = offline.folder / f"report.{ending}"
@@ -165,7 +166,6 @@ def test_motions(offline):
     assert found["file"].endswith("el_centro_1940_ns.csv")
 
 
-@pytest.mark.slow
 def test_figures(offline):
     done = offline("figures", "simplified_bmd", "--only", "11", "--output", offline.folder / "figures", "--json")
     (figure,) = json.loads(done.stdout)["figures"]
