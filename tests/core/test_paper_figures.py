@@ -185,7 +185,7 @@ def test_a_test_that_passes_a_limit_is_told():
 @pytest.mark.parametrize("figure", [figure_10, figure_13])
 def test_a_limit_that_lets_nothing_through_is_one_line(figure):
     with pytest.raises(InputError, match=r"safety\.acceleration_limit \[m/s2\] passed at step"):
-        figure(OF_SIMPLIFIED.changed(safety__acceleration_limit=1e-9, safety__ramp_acceleration=1e-9))
+        figure(OF_SIMPLIFIED.changed(safety__acceleration_limit=1e-9))
 
 
 def test_strong_motion_is_where_the_energy_is():
