@@ -241,6 +241,7 @@ def test_reference_agrees_with_a_fine_explicit_integration_and_has_converged(mod
     assert errors[10] < 1e-3, errors
 
 
+@pytest.mark.slow
 def test_loop_with_a_yielding_substructure_converges_to_its_reference_with_first_order():
     errors = []
     for dt in (0.00125, 0.000625, 0.0003125):

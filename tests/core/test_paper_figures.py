@@ -110,6 +110,7 @@ def test_delay_of_a_pure_delay_is_that_delay():
     assert equivalent_delay(omega, 0.7 * np.exp(-0.026j * omega)) == pytest.approx(0.026, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_figure_6_is_equation_9_and_the_measurement_finds_it():
     data = figure_6(OF_EIGHT_STORY)
     s = 1j * data.frequencies
@@ -126,6 +127,7 @@ def test_figure_6_is_equation_9_and_the_measurement_finds_it():
     assert_measured(data, table_sections(EQUATION_9))
 
 
+@pytest.mark.slow
 def test_figure_10_is_the_configured_servo_and_the_measurement_finds_it():
     seen = []
     data = figure_10(OF_SIMPLIFIED.changed(**SERVO_TABLE), seen.append)
@@ -147,6 +149,7 @@ def assert_measured(data, table):
     assert 0.9 < data.measured.coherence.min() < data.measured.coherence.max() <= 1.0
 
 
+@pytest.mark.slow
 def test_figure_6_has_the_pure_delay_of_the_command():
     delayed = OF_EIGHT_STORY.changed(simulated_table__command_delay=0.0075)
     delay, as_measured, _ = (comparison.value for comparison in figure_6(delayed).comparisons)

@@ -115,6 +115,7 @@ def test_curves_are_told_apart_without_colour(data):
             assert len({line.get_linestyle() + str(line._dash_pattern) for line in curves}) == len(curves) == 3
 
 
+@pytest.mark.slow
 def test_pyplot_and_its_global_figures_are_not_used():
     statement = "import sys, bmd_rths_core.plots.drawing; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", statement], stdin=subprocess.DEVNULL, timeout=120).returncode == 0

@@ -24,6 +24,7 @@ def test_reference_agrees_with_scipy_lsim():
     assert reference_response(building, ground, DT) == pytest.approx(expected, rel=1e-8, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_reference_agrees_with_a_tight_ode_solution_of_equation_1():
     building = whole_building()
     time = np.arange(100) * DT
