@@ -54,17 +54,17 @@ class Run:
     def interrupt_first(self):
         self.interrupted = True
 
-    def tell(self, role, state, **values):
+    def tell(self, role, state, message="", **values):
         values = {"step": "5", "missed_deadlines": "0"} | values
-        self.status[role] = NodeStatus(f"/rths/{role}", state, values=values)
+        self.status[role] = NodeStatus(f"/rths/{role}", state, message=message, values=values)
 
 
 def loses(name):
     return lambda run: run.lose(name)
 
 
-def tells(role, state, **values):
-    return lambda run: run.tell(role, state, **values)
+def tells(role, state, message="", **values):
+    return lambda run: run.tell(role, state, message, **values)
 
 
 @pytest.fixture
@@ -110,6 +110,29 @@ def test_node_that_is_lost_before_the_test_ends_the_run_at_once(follow):
     outcome, _, when = follow(Run(at_1=waits, at_2=loses("shear_estimator")))
     assert outcome == LOST
     assert when == pytest.approx(2.0, abs=0.2)
+
+
+IDLE = "table controller: udp://127.0.0.1:5000 is idle: it was stopped or restarted"
+WAITS = tells("numerical_substructure", NodeState.WAITING)
+
+
+def test_node_that_trips_before_it_takes_part_in_a_test_ends_the_run_with_its_own_reason(follow):
+    trips = tells("table_driver", NodeState.TRIPPED, IDLE, outcome="failed")
+    outcome, _, when = follow(Run(at_1=WAITS, at_2=trips))
+    assert outcome == f"table_driver: {IDLE}"
+    assert when == pytest.approx(2.0 + FAREWELL_TIME, abs=0.2)
+
+
+def test_bag_of_a_test_that_a_trip_before_step_0_has_ended_is_waited_for(follow):
+    trips = tells("table_driver", NodeState.TRIPPED, IDLE, outcome="failed")
+    ended = tells("numerical_substructure", NodeState.ENDED)
+    outcome, problem, _ = follow(Run(at_1=WAITS, at_2=trips, at_4=ended, at_9=ENDS))
+    assert (outcome, problem) == (Path("the_bag"), f"table_driver: {IDLE}")
+
+
+def test_stop_of_the_operator_before_step_0_can_be_reset(follow):
+    stopped = tells("table_driver", NodeState.TRIPPED, "stopped by the operator", outcome="stopped")
+    assert follow(Run(at_1=WAITS, at_2=stopped, at_30=RUNS, at_40=ENDS))[:2] == (Path("the_bag"), "")
 
 
 def test_bag_of_a_lost_run_is_waited_for_once(follow):

@@ -6,7 +6,7 @@ import math
 import time
 from pathlib import Path
 
-from bmd_rths_core.loop.states import NodeState
+from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIVER
 from bmd_rths_nodes.run.graph_state import number
 from bmd_rths_nodes.run.monitor import RunMonitor
@@ -66,6 +66,7 @@ class RunFollower:
         self.problem = ""
         self._give_up = time.perf_counter() + START_TIMEOUT
         self._hear_from = math.inf
+        self._end_due = -math.inf
         self._time_to_rest = time_to_rest
         self._closing = time_to_rest + CLOSING_TIMEOUT
 
@@ -133,6 +134,10 @@ class RunFollower:
     def _judge_processes(self) -> None:
         """Notice a process that has ended, and set how long to wait for the rest."""
         undisturbed = not self.problem and not self._operator.asked
+        if undisturbed and not self._started and (tripped := self._tripped()):
+            self.problem = tripped
+            undisturbed = False
+            self._end_due = time.perf_counter() + FAREWELL_TIME  # a test it has part in ends by itself, with a bag
         lost = self._supervisor.lost()
         if lost is not None and undisturbed:
             self.problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
@@ -142,9 +147,16 @@ class RunFollower:
                 self._closing = self._time_to_rest + FAREWELL_TIME
         if self._state == NodeState.RUNNING and undisturbed:
             self._wait_for(math.inf)
-        elif self._started or not (undisturbed or self._may_be_heard_of()):
+        elif self._started or not (undisturbed or self._may_be_heard_of() or time.perf_counter() < self._end_due):
             longest = self._closing if self._started else 0.0
             self._give_up = min(self._give_up, time.perf_counter() + longest)
+
+    def _tripped(self) -> str:
+        """Return which node has tripped for good, and why; empty when none has. An operator's stop can be reset."""
+        for role, told in sorted(self._monitor.status.items()):
+            if told.state is NodeState.TRIPPED and told.values.get("outcome") != Outcome.STOPPED:
+                return f"{role}: {told.message}"
+        return ""
 
     def _may_be_heard_of(self) -> bool:
         """Tell whether the numerical substructure, of which nothing was heard yet, may run a test all the same."""
