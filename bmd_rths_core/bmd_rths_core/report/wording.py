@@ -59,12 +59,12 @@ def results(analysis: RunAnalysis) -> str:
     if analysis.record.stable and any(math.isfinite(value) for _, value in errors):
         listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in errors)
         parts.append(f"RMSE against the building without partition: {listed}")
-        true = analysis.quality.rmse_true_percent
-        if any(math.isfinite(value) for value in true.values()):
-            listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in true.items())
-            parts.append(f"with the {analysis.quality.specimen} specimen: {listed}")
     if math.isfinite(metrics.tracking_delay_ms):
         parts.append(f"the table is {number(metrics.tracking_delay_ms)} ms late")
+    true = analysis.quality.rmse_true_percent
+    if analysis.record.stable and any(math.isfinite(value) for value in true.values()):
+        listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in true.items())
+        parts.append(f"RMSE against the building with the {analysis.quality.specimen} specimen: {listed}")
     if timing is not None and not analysis.config.run.lockstep:
         parts.append(f"{timing.missed_deadlines} deadlines missed")
     sentence = "; ".join(parts)
@@ -81,9 +81,8 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
     deviation_percent : float
         Of the numerical substructure computed again [%].
     """
-    record, found = analysis.record, []
-    if record.outcome == "finished":
-        found += analysis.quality.judgement.reasons
+    record = analysis.record
+    found = list(analysis.quality.judgement.reasons) if record.outcome == "finished" else []
     if record.outcome != "finished":
         duration = record.steps * record.time_step
         what = "Errors and peaks" if record.stable else "Peaks"
