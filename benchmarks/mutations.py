@@ -111,7 +111,7 @@ def campaign_file(folder: Path) -> bytes:
            "stable": True, "outcome": "finished", "reason": "", "steps": 3, "rmse_percent": errors,
            "tracking_delay_ms": 1.0, "engine": "x", "rmse_true_percent": errors, "rmse_clean_percent": errors,
            "noise_floor_percent": errors, "capture": errors, "tracking_error_percent": 1.0, "delay_ms": 1.0,
-           "verdict": "red"}  # fmt: skip
+           "verdict": "red", "spectral_radius": 0.9, "peak_command": 1.0, "peak_displacement": 1.0}  # fmt: skip
     table.append([row])
     table.close()
     return table.path.read_bytes()

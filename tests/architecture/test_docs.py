@@ -29,7 +29,7 @@ PAGES = [
     *sorted(DOCS.rglob("*.md")),
 ]
 
-#: A page with more lines is two pages. The changelog grows with every version.
+#: A page with more lines is two pages. The changelog grows with every version, the generated page with every parameter.
 LONGEST_PAGE = 300
 
 #: Words of the README: it says what this is, shows it, and sends people on.
@@ -77,7 +77,9 @@ def test_a_broken_link_is_found(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: str(page.relative_to(ROOT))
+    "page",
+    [page for page in PAGES if page.name not in ("CHANGELOG.md", "parameters.md")],
+    ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_no_page_is_too_long(page):
     assert len(page.read_text(encoding="utf-8").splitlines()) <= LONGEST_PAGE

@@ -19,6 +19,7 @@ ROW = {
     "noise_floor_percent": {"substructure": None, "control_layer": 8.5, "superstructure": 9.0},
     "capture": {"substructure": 0.5, "superstructure": None},
     **{"tracking_error_percent": 102.0, "delay_ms": -1.0, "verdict": "red"},
+    **{"spectral_radius": 0.99, "peak_command": 3.8, "peak_displacement": None},
 }
 
 

@@ -71,12 +71,20 @@ def test_page_is_whole_needs_no_network_and_says_the_verdict_first(run_main, rec
     assert "url(" not in text
     assert "@import" not in text
     figures = [base64.b64decode(a.partition(",")[2]).decode() for a in page.addresses if "svg" in a]
-    assert len(figures) == page.tags.count("figure") == 8
+    assert len(figures) == page.tags.count("figure") == 9
     for svg in figures:
         assert all(reference.startswith(("#", "data:")) for reference in re.findall(r'href="([^"]*)"', svg))
     errors = f"superstructure {result['rmse_percent']['superstructure']:.1f} %; the table is"
     assert "criterionvalue" in page.text
-    order = ("Finished", errors, "virtual laboratory", "RMSE (Eq. 12)", "Limits", "Response of the floors")
+    order = (
+        "Not good. Finished",
+        errors,
+        "virtual laboratory",
+        "RMSE (Eq. 12)",
+        "clean error",
+        "Limits",
+        "Response of the floors",
+    )
     places = [page.text.index(words) for words in order]
     assert places == sorted(places)
     for words in (
@@ -115,7 +123,7 @@ def test_test_that_was_ended_at_once_has_a_report_that_says_so(run_main, record,
     criteria = json.loads(output)["benchmark_criteria"]
     told = {symbol: value for symbol, value in criteria.items() if value is not None}
     assert told == ({} if delay == "–" else {"J1": pytest.approx(float(delay), abs=0.005)})
-    assert page.tags.count("figure") == (5 if steps >= 3 else 0)
+    assert page.tags.count("figure") == (6 if steps >= 3 else 0)
 
 
 @pytest.mark.slow

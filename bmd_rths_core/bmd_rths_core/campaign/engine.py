@@ -50,10 +50,13 @@ class CampaignRun(NamedTuple):
     engine : str
         ``"linear"``: as one linear system, equal to `RthsLoop` but for rounding; ``"stages"``: by `RthsLoop`, as every
         run that a limit ends.
+    spectral_radius : float
+        Of the linear loop; NaN where there is none.
     """
 
     record: RunRecord
     engine: str
+    spectral_radius: float = float("nan")
 
 
 def is_linear(config: Config) -> bool:
@@ -87,10 +90,11 @@ def run_motions(config: Config, motions: Sequence[SelectedMotion]) -> list[Campa
         return [_by_stages(config, selected) for selected in motions]
     group = _LinearGroup(config, [selected.motion for selected in motions])
     touched = group.run()
+    radius = closed_loop(config).spectral_radius
     return [
-        _by_stages(config, selected)
+        _by_stages(config, selected, radius)
         if i in touched
-        else CampaignRun(group.record(i, _under(config, selected)), "linear")
+        else CampaignRun(group.record(i, _under(config, selected)), "linear", radius)
         for i, selected in enumerate(motions)
     ]
 
@@ -173,5 +177,5 @@ def _under(config: Config, selected: SelectedMotion) -> Config:
     return dataclasses.replace(config, ground_motion=selected.selection)
 
 
-def _by_stages(config: Config, selected: SelectedMotion) -> CampaignRun:
-    return CampaignRun(RthsLoop(_under(config, selected), selected.motion).run(), "stages")
+def _by_stages(config: Config, selected: SelectedMotion, radius: float = float("nan")) -> CampaignRun:
+    return CampaignRun(RthsLoop(_under(config, selected), selected.motion).run(), "stages", radius)

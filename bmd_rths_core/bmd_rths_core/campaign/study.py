@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from bmd_rths_core.analysis.capture import UNKNOWN, captures
 from bmd_rths_core.analysis.metrics import RunMetrics, compare, references_of
 from bmd_rths_core.analysis.quality import RunQuality, run_quality, told_quality
+from bmd_rths_core.analysis.table_peaks import peak
 from bmd_rths_core.analysis.true_building import true_references_of
 from bmd_rths_core.campaign.engine import CampaignRun, SelectedMotion, run_motions
 from bmd_rths_core.campaign.motions import CampaignMotion
@@ -249,6 +250,9 @@ def result_of_run(
         "rmse_percent": {n: _known(v) if record.stable else None for n, v in metrics.rmse_percent.items()},
         "tracking_delay_ms": _known(metrics.tracking_delay_ms),
         **{name: _plain(value) for name, value in told_quality(quality, record.stable).items() if name in _TOLD},
+        "spectral_radius": _known(run.spectral_radius),
+        "peak_command": _known(peak(record.command)),
+        "peak_displacement": _known(peak(record.table_displacement)),
         "engine": run.engine,
     }
 

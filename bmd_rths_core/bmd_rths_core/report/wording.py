@@ -59,12 +59,12 @@ def results(analysis: RunAnalysis) -> str:
     if analysis.record.stable and any(math.isfinite(value) for _, value in errors):
         listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in errors)
         parts.append(f"RMSE against the building without partition: {listed}")
-        true = analysis.quality.rmse_true_percent
-        if any(math.isfinite(value) for value in true.values()):
-            listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in true.items())
-            parts.append(f"with the {analysis.quality.specimen} specimen: {listed}")
     if math.isfinite(metrics.tracking_delay_ms):
         parts.append(f"the table is {number(metrics.tracking_delay_ms)} ms late")
+    true = analysis.quality.rmse_true_percent
+    if analysis.record.stable and any(math.isfinite(value) for value in true.values()):
+        listed = ", ".join(f"{name.replace('_', ' ')} {number(value)} %" for name, value in true.items())
+        parts.append(f"RMSE against the building with the {analysis.quality.specimen} specimen: {listed}")
     if timing is not None and not analysis.config.run.lockstep:
         parts.append(f"{timing.missed_deadlines} deadlines missed")
     sentence = "; ".join(parts)

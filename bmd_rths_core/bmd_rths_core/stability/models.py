@@ -277,10 +277,17 @@ def simulated_table(config: SimulatedTableConfig, specimen: ShearBuilding) -> Ra
         See `table_sections`.
     """
     if config.dynamics != "interacting_servo":
-        return table_sections(config.own_sections)
+        table = table_sections(config.own_sections)
+        return _as_built(table.zeros, np.append(table.poles, config.mode_poles), table.gain, config)
     zeros = _eigenvalues(np.asarray(specimen.masses), specimen.damping_matrix, specimen.stiffness_matrix)
     poles = np.asarray(np.linalg.eigvals(config.plant(specimen).a[:-2, :-2]), dtype=complex)
-    return Rational(zeros, poles, np.asarray(config.servo_real_pole * config.servo_frequency**2))
+    return _as_built(zeros, poles, np.asarray(config.servo_real_pole * config.servo_frequency**2), config)
+
+
+def _as_built(zeros: ComplexArray, poles: ComplexArray, gain: FloatArray, config: SimulatedTableConfig) -> Rational:
+    """Return a table with its own gain and the zeros of the further mode, whose poles are there already."""
+    shared = 1.0 - config.unmodelled_mode if config.unmodelled_mode > 0.0 else 1.0
+    return Rational(np.append(zeros, config.mode_zeros), poles, config.command_gain * shared * gain)
 
 
 def phase_lead_compensator(config: CommandShaperConfig, time_step: float) -> DiscreteCompensator:

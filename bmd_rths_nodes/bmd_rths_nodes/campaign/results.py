@@ -25,7 +25,10 @@ _SEVERAL = {
     "noise_floor_percent": {name: f"noise_floor_{name}_percent" for name in _ERRORS},
     "capture": {name: f"capture_{name}" for name in ("substructure", "superstructure")},
 }
-_NUMBERS = ("tracking_delay_ms", "tracking_error_percent", "delay_ms")
+_NUMBERS = (
+    *("tracking_delay_ms", "tracking_error_percent", "delay_ms"),
+    *("spectral_radius", "peak_command", "peak_displacement"),
+)
 _COLUMNS = (
     *("key", "motion", "event", "file", "component", "scheme", "variation", "stable", "outcome", "reason", "steps"),
     *(column for columns in _SEVERAL.values() for column in columns.values()),

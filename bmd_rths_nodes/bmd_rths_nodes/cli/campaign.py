@@ -25,6 +25,7 @@ from bmd_rths_nodes.cli.ros_required import require_ros
 
 if TYPE_CHECKING:
     from bmd_rths_core.campaign.motions import CampaignMotion
+    from bmd_rths_core.campaign.robustness import RobustnessStudy
     from bmd_rths_core.campaign.study import Piece, Study
     from bmd_rths_core.config import Config
     from bmd_rths_nodes.campaign.pool import Results
@@ -115,7 +116,7 @@ def campaign(
 
     config = choice.resolve().changed(table__controller="simulated")
     vary = dict(_variation(text) for text in variations)
-    names = _schemes(schemes)
+    names = scheme_names(schemes)
     found = read_motions(source)
     for file, problem in found.left_out.items():
         log(f"left out: {file}: {problem}")
@@ -124,7 +125,7 @@ def campaign(
     with contextlib.closing(CampaignResults(output)) as results:
         bags = _prepared(output / "bags") if with_bags or on_ros else None
         try:
-            keys, done = _run(study, results, bags, jobs, scheduler)
+            keys, done = run_study(study, results, bags, jobs, scheduler)
         except BrokenProcessPool:
             log("error: a process of the campaign was killed; the same command goes on where it was")
             return 1
@@ -143,8 +144,8 @@ def campaign(
     return 0
 
 
-def _run(
-    study: Study, results: CampaignResults, bags: Path | None, jobs: int | None, scheduler: str | None
+def run_study(
+    study: Study | RobustnessStudy, results: CampaignResults, bags: Path | None, jobs: int | None, scheduler: str | None
 ) -> tuple[list[str], int]:
     """Run what has no result yet; return the keys of all runs in their order, and how many were not run again."""
     from bmd_rths_nodes.campaign import pool
@@ -212,7 +213,8 @@ def _variation(text: str) -> tuple[str, list[object]]:
     return name, parsed
 
 
-def _schemes(text: str) -> list[str]:
+def scheme_names(text: str) -> list[str]:
+    """Return the compensators of ``--schemes``, each once."""
     from bmd_rths_core.compensators.registry import compensators
 
     names = [name.strip() for name in text.split(",")]
@@ -231,7 +233,11 @@ def _prepared(bags: Path) -> Path:
 
 
 def _pending(
-    study: Study, results: CampaignResults, bags: Path | None, keys: list[str], skipped: Callable[[int], None]
+    study: Study | RobustnessStudy,
+    results: CampaignResults,
+    bags: Path | None,
+    keys: list[str],
+    skipped: Callable[[int], None],
 ) -> Iterator[Piece]:
     """Return what is left to run, and note the keys of all runs."""
     from bmd_rths_nodes.campaign.pool import has_bag

@@ -96,6 +96,28 @@ def interacting_plant(
     return _with_specimen(a, np.array([gain, 0.0, 0.0]), acceleration, 0.0, specimen)
 
 
+def commanded_through(filtered: StateSpace, plant: Plant) -> Plant:
+    """Return a plant whose command goes through something first.
+
+    Parameters
+    ----------
+    filtered : StateSpace
+        From the command to what acts as command.
+    plant : Plant
+        Table and specimen.
+
+    Returns
+    -------
+    Plant
+    """
+    first, size = len(filtered.a), len(filtered.a) + len(plant.a)
+    a, b = np.zeros((size, size)), np.vstack((filtered.b, plant.b * filtered.d))
+    a[:first, :first], a[first:, first:] = filtered.a, plant.a
+    a[first:, :first] = plant.b @ filtered.c
+    output = np.hstack((np.outer(plant.feedthrough, filtered.c[0]), plant.output))
+    return Plant(a, b, output, plant.feedthrough * filtered.d)
+
+
 def _with_specimen(
     table: FloatArray, by_command: FloatArray, acceleration: FloatArray, feedthrough: float, specimen: ShearBuilding
 ) -> Plant:

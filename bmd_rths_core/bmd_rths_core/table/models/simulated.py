@@ -26,10 +26,13 @@ from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
 from bmd_rths_core.table.models.dynamics import series, servo_sections
 from bmd_rths_core.table.models.model_table import ModelTable
-from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
+from bmd_rths_core.table.models.plant import Plant, commanded_through, driven_plant, interacting_plant
 from bmd_rths_core.table.models.sensors import Sensors
 
 FloatArray = NDArray[np.float64]
+
+#: The further mode of `SimulatedTableConfig.unmodelled_mode` [rad/s, 1].
+_UNMODELLED_FREQUENCY, _UNMODELLED_DAMPING = 2.0 * np.pi * 25.0, 0.02
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,25 @@ class SimulatedTableConfig:
         lower=0.1,
         upper=10.0,
     )
+    specimen_damping_factor: float = parameter(
+        1.0,
+        description="Damping of every story of the simulated specimen over that of its model",
+        unit="1",
+        lower=0.0,
+        upper=100.0,
+    )
+    command_gain: float = parameter(
+        1.0, description="Gain of the simulated table over that of its dynamics", unit="1", lower=0.01, upper=100.0
+    )
+    unmodelled_mode: float = parameter(
+        0.0,
+        description="Share of a further mode of the simulated table at 25 Hz, damping ratio 2 %, in what it does; 0 "
+        "for none",
+        unit="1",
+        source="assumed: for studies of robustness",
+        lower=0.0,
+        upper=0.9,
+    )
 
     def __post_init__(self) -> None:
         """Check the values and the table model."""
@@ -149,7 +171,8 @@ class SimulatedTableConfig:
             The specimen as the section ``specimen`` describes it.
         """
         stiffnesses = tuple(self.specimen_stiffness_factor * stiffness for stiffness in model.stiffnesses)
-        return ShearBuilding(model.masses, stiffnesses, model.damping_coefficients)
+        damping = tuple(self.specimen_damping_factor * damping for damping in model.damping_coefficients)
+        return ShearBuilding(model.masses, stiffnesses, damping)
 
     def plant(self, specimen: ShearBuilding) -> Plant:
         """Return table and specimen as one system, without the pure delay.
@@ -164,8 +187,30 @@ class SimulatedTableConfig:
         Plant
         """
         if self.dynamics == "interacting_servo":
-            return interacting_plant(*self._servo(), self.platen_mass, specimen)
-        return driven_plant(series(self.own_sections), specimen)
+            plant = interacting_plant(*self._servo(), self.platen_mass, specimen)
+        else:
+            plant = driven_plant(series(self.own_sections), specimen)
+        plant = plant._replace(b=self.command_gain * plant.b, feedthrough=self.command_gain * plant.feedthrough)
+        if self.unmodelled_mode == 0.0:
+            return plant
+        numerator, denominator = self._mode()
+        return commanded_through(series((*numerator, *denominator)), plant)
+
+    @property
+    def mode_zeros(self) -> NDArray[np.complex128]:
+        """Zeros of the further mode, empty without one [rad/s]."""
+        return np.roots(self._mode()[0]).astype(complex) if self.unmodelled_mode else np.zeros(0, complex)
+
+    @property
+    def mode_poles(self) -> NDArray[np.complex128]:
+        """Poles of the further mode, empty without one [rad/s]."""
+        return np.roots(self._mode()[1]).astype(complex) if self.unmodelled_mode else np.zeros(0, complex)
+
+    def _mode(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Return numerator and denominator of 1 − g + g ω² / (s² + 2 ζ ω s + ω²)."""
+        omega, rest = _UNMODELLED_FREQUENCY, 1.0 - self.unmodelled_mode
+        damped = 2.0 * _UNMODELLED_DAMPING * omega
+        return (rest, rest * damped, omega**2), (1.0, damped, omega**2)
 
     @property
     def own_sections(self) -> tuple[float, ...]:

@@ -1,0 +1,254 @@
+"""Every compensator on the same work: errors, capture, peaks and cost, beside the least error that is possible.
+
+Records (those of `benchmarks/campaign.py --list`, every second one held out from any tuning), the simplified BMD and
+the 8-story building with the whole shear, load cells and accelerometers. What a compensator knows is identified first,
+as `bmd-rths identify` does it. Real records are needed:
+
+    BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/compensators.py
+    BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/compensators.py --schemes mpic --seeds 0,1,2
+
+The *bound* beside every result is this. An unmodelled white acceleration of every floor of the specimen with root mean
+square σ, and the noise of the sensors, act on table, specimen and building, whose models are exact. The Kalman filter
+of all three is then the causal estimator of the building with the least mean square error: with ν the part of the
+error that the noise of the sensors makes and δ that of the unmodelled acceleration of size 1, none has less ν² + σ² δ².
+So with σ from 0 to ∞ the filters are the Pareto front of ν against δ: no linear causal compensator with these sensors
+has less of one without more of the other. What stands in the column is ν, from the Lyapunov equation of the assembled
+loop (filter, tracking with preview, table), of the filter on the front whose capture of the interface is that of the
+compensator: over the root mean square of the response of the true building, in percent. It is a bound as far as capture
+measures δ, which is another norm of the same error; and it knows no error of the models and of the tracking.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+sys.path.insert(0, str(Path(__file__).parent))
+from campaign import HIGH_PASS_HZ, RECORDS
+
+from bmd_rths_core.analysis.capture import captures
+from bmd_rths_core.analysis.metrics import references_of
+from bmd_rths_core.analysis.quality import KEYS, run_quality
+from bmd_rths_core.analysis.table_peaks import peak
+from bmd_rths_core.analysis.true_building import true_references_of
+from bmd_rths_core.campaign.engine import SelectedMotion, run_motions
+from bmd_rths_core.compensators.registry import compensators
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
+from bmd_rths_core.config import Config, load_config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.config import GroundMotionConfig, select_ground_motion
+from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
+from bmd_rths_core.identification.excited_table import drive
+from bmd_rths_core.identification.joint_model import identify_joint
+from bmd_rths_core.identification.specimen_model import identify_specimen
+from bmd_rths_core.identification.table_model import identify_table
+from bmd_rths_core.loop.build import make_command_shaper, make_numerical_stage, make_supervisor, make_table_controller
+from bmd_rths_core.loop.closed_loop import closed_loop
+
+FOLDER = Path(__file__).parents[1] / "config"
+BUILDINGS = {"simplified": "simplified_bmd.yaml", "8-story": "eight_story_bmd.yaml"}
+SENSORS = {"load cells": "load_cell", "accelerometers": "kalman"}
+BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0)
+DELAY_BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 8.0)
+#: Unmodelled acceleration of the filters of the bound [m/s²].
+FRONT = tuple(np.geomspace(1e-3, 10.0, 9).tolist())
+WITHOUT_LIMITS = {
+    f"safety__{limit}_action": "ignore"
+    for limit in ("displacement", "velocity", "acceleration", "force", "increment", "tracking", "stability")
+}
+
+
+class BoundPoint(NamedTuple):
+    """A filter of the front: capture of the interface, and noise of interface and top [m/s²]."""
+
+    capture: float
+    interface: float
+    top: float
+
+
+def base(building: str) -> Config:
+    """Return the configuration of a building with the whole shear."""
+    config = load_config(FOLDER / BUILDINGS[building])
+    return config.changed(
+        force_correction__feedback_scale=1.0, ground_motion__high_pass_frequency=HIGH_PASS_HZ, **WITHOUT_LIMITS
+    )
+
+
+def identified(config: Config) -> Config:
+    """Return the configuration with the models that were identified on its simulated table."""
+    settings = ExcitationSettings(duration=240.0, seed=config.run.seed)
+    commands = excitation_command(settings, config.run.time_step)
+    responses = drive(make_table_controller(config), make_supervisor(config), commands, config.run.time_step)
+    specimen = identify_specimen(responses, config.specimen.masses, BAND)
+    model = identify_joint(responses, identify_table(responses, BAND, DELAY_BAND), specimen, BAND)
+    values = model.parameters()["identified_model"]
+    return config.changed(**{f"identified_model__{name}": value for name, value in values.items()})
+
+
+def exact(config: Config) -> Config:
+    """Return the configuration whose identified model is the truth of its simulated table."""
+    table, truth = config.simulated_table, config.simulated_table.specimen(config.specimen.building())
+    names = ("servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass")
+    servo = table.dynamics == "interacting_servo"
+    values: dict[str, Any] = {"table": "interacting_servo", "gain": 1.0, **{n: getattr(table, n) for n in names}}
+    if not servo:
+        values = {"table": "sections", "sections": table.own_sections}
+    values |= {"command_delay": table.command_delay, "stiffnesses": truth.stiffnesses}
+    values |= {"damping_coefficients": truth.damping_coefficients, "acceleration_noise": table.acceleration_noise}
+    values |= {"displacement_noise": table.displacement_noise, "shear_noise": table.shear_noise}
+    return config.changed(**{f"identified_model__{name}": value for name, value in values.items()})
+
+
+def front(config: Config, grounds: list[np.ndarray]) -> list[BoundPoint]:
+    """Return the filters of the bound, those with the least capture first."""
+    points = []
+    for sigma in FRONT:
+        errors = {"mpic__model_error": sigma, "mpic__model_error_accelerometers": sigma, "mpic__command_error": 1e-4}
+        try:
+            known = exact(config).changed(run__scheme="mpic", **errors)
+            loop = closed_loop(known, displacement=True)
+        except InputError:  # no steady state with so little noise
+            continue
+        own = np.delete(np.arange(len(loop.system.a)), loop.integrators)
+        a, b = loop.system.a[np.ix_(own, own)], loop.system.b[own, 1:]
+        covariance = solve_discrete_lyapunov(a, b @ b.T)
+        top = f"floor_{len(config.specimen.masses)}"
+        # The output of a floor has the noise of its sensor in it, which is no motion of the floor.
+        rows = (loop.system.c[loop.outputs.index(name), own] for name in ("desired_acceleration", top))
+        noises = [float(np.sqrt(max(0.0, row @ covariance @ row))) for row in rows]
+        share = np.mean([found.substructure for found in captures(known, grounds)])
+        points.append(BoundPoint(float(share), *noises))
+    return sorted(points)
+
+
+def bound(points: list[BoundPoint], capture: float) -> tuple[float, float]:
+    """Return the noise of interface and top on the front at a capture [m/s²]; the last one beyond its end."""
+    shares = [point.capture for point in points]
+    return tuple(float(np.interp(capture, shares, [p[i] for p in points], left=0.0)) for i in (1, 2))  # type: ignore
+
+
+def cost_of_a_step(config: Config, ground: np.ndarray) -> float:
+    """Return the time of control or numerical substructure and shaper together, a step [µs]."""
+    stage, shaper = make_numerical_stage(config, ground), make_command_shaper(config)
+    stage.reset()
+    shaper.reset()
+    begin = time.perf_counter()
+    for acceleration in ground[:2000].tolist():
+        shaper.step(stage.step(acceleration, 0.0)[2 if config.compensator.control is not None else 0])
+    return 1e6 * (time.perf_counter() - begin) / min(2000, len(ground))
+
+
+def judged(config: Config, motions: list[SelectedMotion], points: list[BoundPoint]) -> list[dict[str, Any]]:
+    """Return what a compensator reaches on every record."""
+    grounds = [selected.motion.acceleration for selected in motions]
+    nominal = references_of(grounds, config)
+    references = true_references_of(grounds, config, nominal)
+    shares = captures(config, grounds)
+    lower = len(config.numerical_substructure.masses)
+    rows = []
+    for i, run in enumerate(run_motions(config, motions)):
+        record, reference = run.record, references[i]
+        quality = run_quality(record, config, reference[: record.steps], shares[i])
+        least = bound(points, shares[i].substructure)
+        size = [float(np.sqrt(np.mean(reference[:, column] ** 2))) for column in (lower - 1, -1)]
+        rows.append(
+            {
+                "motion": RECORDS[i],
+                "held_out": bool(i % 2),
+                "stable": record.stable and bool(np.abs(record.command).max() < 1e3),
+                "rmse_true_percent": {name: quality.rmse_true_percent[name] for name in KEYS},
+                "rmse_clean_percent": {name: quality.rmse_clean_percent[name] for name in KEYS},
+                "bound_percent": {n: 100.0 * e / s for n, e, s in zip((KEYS[0], KEYS[2]), least, size, strict=True)},
+                "capture": shares[i]._asdict(),
+                "tracking_error_percent": quality.tracking.error_percent,
+                "peak_command": peak(record.command),
+                "peak_displacement": peak(record.table_displacement),
+                "verdict": quality.judgement.verdict,
+            }
+        )
+    return rows
+
+
+def motions_of(config: Config, root: Path, records: tuple[str, ...]) -> list[SelectedMotion]:
+    found = []
+    for line in records:
+        file, component, unit = (*line.split(","), "", "")[:3]
+        changed = config.changed(
+            ground_motion__record=str(root / file), ground_motion__component=component, ground_motion__unit=unit
+        )
+        selection: GroundMotionConfig = changed.ground_motion
+        found.append(SelectedMotion(selection, select_ground_motion(selection, config.run.time_step)))
+    return found
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Return means and worst of some records, as cells of a table."""
+    if not all(row["stable"] for row in rows):
+        return f"unstable in {sum(not row['stable'] for row in rows)} of {len(rows)}"
+
+    def cell(of: str, name: str) -> str:
+        values = [row[of][name] for row in rows]
+        return f"{np.mean(values):.1f} ({np.max(values):.1f})"
+
+    sub, top = KEYS[0], KEYS[2]
+    capture = " ".join(f"{np.mean([row['capture'][name] for row in rows]):.2f}" for name in (sub, top))
+    cells = (cell("rmse_true_percent", sub), cell("bound_percent", sub), cell("rmse_clean_percent", top))
+    cells += (cell("bound_percent", top), cell("rmse_true_percent", top), capture)
+    cells += (
+        f"{max(row['peak_command'] for row in rows):.2f}",
+        f"{1e3 * max(row['peak_displacement'] for row in rows):.0f}",
+    )
+    return " | ".join(cells)
+
+
+@click.command()
+@click.option("--schemes", default="", help="Compensators; by default those of the paper and every registered one.")
+@click.option("--buildings", default=",".join(BUILDINGS), show_default=True)
+@click.option("--sensors", default=",".join(SENSORS), show_default=True)
+@click.option("--seeds", default="0", show_default=True, help="Seeds of the noise, also of the identification.")
+@click.option("--records", type=int, default=len(RECORDS), show_default=True, help="How many of the records.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def main(schemes: str, buildings: str, sensors: str, seeds: str, records: int, as_json: bool) -> None:
+    """Print the table."""
+    folder = os.environ.get("BMD_RTHS_GROUND_MOTIONS")
+    if folder is None:
+        raise click.UsageError("BMD_RTHS_GROUND_MOTIONS: not set; the folder of the real records is required")
+    names = schemes.split(",") if schemes else list(dict.fromkeys((*SCHEME_NAMES, *compensators())))
+    told: list[dict[str, Any]] = []
+    head = "sub | bound | super, clean | bound | super, raw | capture | command m/s² | table mm | cost µs"
+    for building in buildings.split(","):
+        for seed in map(int, seeds.split(",")):
+            config = identified(base(building).changed(run__seed=seed))
+            motions = motions_of(config, Path(folder), RECORDS[:records])
+            grounds = [selected.motion.acceleration for selected in motions]
+            for sensor in sensors.split(","):
+                sensed = config.changed(shear_estimator__source=SENSORS[sensor])
+                points = front(sensed, grounds)
+                if not as_json:
+                    print(f"\n{building}, {sensor}, seed {seed}\nscheme, records | {head}", flush=True)
+                for scheme in names:
+                    chosen = sensed.changed(run__scheme=scheme)
+                    rows = judged(chosen, motions, points)
+                    cost = cost_of_a_step(chosen, grounds[0])
+                    told.append({"building": building, "sensors": sensor, "seed": seed, "scheme": scheme})
+                    told[-1] |= {"cost_us": cost, "runs": rows}
+                    if as_json:
+                        continue
+                    for name, kept in (("tuning", False), ("held out", True)):
+                        some = [row for row in rows if row["held_out"] == kept]
+                        if some:
+                            print(f"{scheme}, {name} | {summary(some)} | {cost:.0f}", flush=True)
+    if as_json:
+        print(json.dumps({"results": told}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Plants that are drawn: what they are, that they are drawn again alike, and what a study of them says."""
+
+import numpy as np
+import pytest
+
+from bmd_rths_core.campaign.motions import CampaignMotion
+from bmd_rths_core.campaign.robustness import RobustnessStudy, distributions, drawn_plant
+from bmd_rths_core.campaign.study import run_piece
+from bmd_rths_core.config import Config, load_config
+from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.stability.models import simulated_table
+from tests.core.test_joint_model import CONFIGS
+from tests.core.test_mpic import motion
+
+EIGHT = load_config(CONFIGS / "eight_story_bmd.yaml")
+
+
+def frequency_response(table, specimen, omega):
+    plant = table.plant(specimen)
+    inverse = np.linalg.solve(1j * omega * np.eye(len(plant.a)) - plant.a, plant.b[:, 0])
+    return plant.output[0] @ inverse + plant.feedthrough[0]
+
+
+def changed(config, **values):
+    return config.changed(**{f"simulated_table__{name}": value for name, value in values.items()}).simulated_table
+
+
+@pytest.mark.parametrize("config", [Config(), EIGHT], ids=["servo", "sections"])
+def test_gain_and_further_mode_of_the_simulated_table(config):
+    specimen = config.specimen.building()
+    built, plain = changed(config, command_gain=1.2, unmodelled_mode=0.3), config.simulated_table
+    omega, mode = 80.0, 2.0 * np.pi * 25.0
+    factor = 1.2 * (0.7 + 0.3 * mode**2 / (mode**2 - omega**2 + 2j * 0.02 * mode * omega))
+    expected = factor * frequency_response(plain, specimen, omega)
+    assert frequency_response(built, specimen, omega) == pytest.approx(expected, rel=1e-9)
+    assert simulated_table(built, specimen).response(np.array([omega]))[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_damping_of_the_simulated_specimen():
+    specimen = Config().specimen.building()
+    damped = changed(Config(), specimen_damping_factor=1.5).specimen(specimen)
+    assert damped.damping_coefficients == pytest.approx(1.5 * np.array(specimen.damping_coefficients))
+
+
+def test_drawn_plants_stay_within_their_shares_and_differ():
+    draws = [drawn_plant(Config(), 0.1, np.random.default_rng(i)) for i in range(300)]
+    table = Config().simulated_table
+    for name in ("servo_real_pole", "servo_frequency", "command_gain", "specimen_stiffness_factor", "shear_noise"):
+        ratios = np.array([draw[f"simulated_table.{name}"] for draw in draws]) / getattr(table, name)
+        assert 0.9 <= ratios.min() < 0.92
+        assert 1.08 < ratios.max() <= 1.1
+    assert {draw["simulated_table.command_delay"] for draw in draws} == {0.0, 0.005}
+    assert 60 < sum(draw["simulated_table.unmodelled_mode"] > 0.0 for draw in draws) < 140
+
+
+def test_drawn_sections_keep_their_gain_and_move_their_poles():
+    draw = drawn_plant(EIGHT, 0.1, np.random.default_rng(1))
+    moved = np.reshape(draw["simulated_table.sections"], (-1, 6))
+    rows = np.reshape(EIGHT.simulated_table.sections, (-1, 6))
+    assert moved[:, 2] / moved[:, 5] == pytest.approx(rows[:, 2] / rows[:, 5])
+    speeds = np.sqrt(moved[:4, 5] / rows[:4, 5])
+    assert np.all((speeds > 0.9) & (speeds < 1.1))
+    assert len(set(speeds.tolist())) == 4
+    for before, after, speed in zip(rows, moved, speeds, strict=False):
+        assert np.sort_complex(np.roots(after[3:])) == pytest.approx(speed * np.sort_complex(np.roots(before[3:])))
+
+
+def made_study(plants, share=0.1, schemes=("uc",)):
+    return RobustnessStudy(Config(), [CampaignMotion("random", ONLY, FROM_FILE, motion(600))], schemes, plants, share)
+
+
+def test_a_larger_study_goes_on_with_a_smaller_one():
+    few, many = ([run.key for piece in made_study(n).pieces() for run in piece.runs] for n in (2, 4))
+    assert many[:2] == few
+    assert len(set(many)) == 4
+    assert made_study(4).size == 4
+
+
+def test_results_are_those_of_the_drawn_plants():
+    study = made_study(3, schemes=("uc", "plc"))
+    pieces = list(study.pieces())
+    results = [finished.result for piece in pieces for finished in run_piece(piece)]
+    for piece, result in zip(pieces, results[::2], strict=True):
+        uc = piece.config.changed(run__scheme="uc")
+        assert result["spectral_radius"] == pytest.approx(closed_loop(uc).spectral_radius)
+        assert result["variation"] == piece.variation
+        assert uc.identified_model == Config().identified_model
+    told = distributions(results)
+    assert set(told) == {"uc", "plc"}
+    assert told["uc"]["runs"] == 3
+    errors = [result["rmse_true_percent"]["substructure"] for result in results[::2]]
+    assert told["uc"]["substructure_percent"]["worst"] == max(errors)
+    assert told["uc"]["substructure_percent"]["median"] == pytest.approx(np.median(errors))
+
+
+def test_small_captures_are_the_bad_ones_and_unstable_plants_are_counted():
+    def result(capture, radius=0.9, stable=True):
+        keys = ("substructure", "control_layer", "superstructure")
+        errors = dict.fromkeys(keys, 5.0 if stable else None)
+        captures = {"substructure": capture, "superstructure": 1.0}
+        made = {"scheme": "uc", "stable": stable, "capture": captures, "spectral_radius": radius}
+        return made | {
+            "rmse_true_percent": errors,
+            "rmse_clean_percent": errors,
+            "peak_command": 1.0,
+            "peak_displacement": 1.0,
+        }
+
+    told = distributions([result(0.2), result(1.0), result(0.9), result(0.5, radius=1.01), result(0.4, stable=False)])
+    assert told["uc"]["capture_substructure"]["worst"] == 0.2
+    assert told["uc"]["capture_substructure"]["median"] == 0.9
+    assert (told["uc"]["runs"], told["uc"]["unstable"]) == (5, 2)
+    assert told["uc"]["spectral_radius"]["worst"] == 1.01
+
+
+def test_a_share_of_one_or_more_is_refused():
+    with pytest.raises(InputError, match="--share 1: is not allowed"):
+        made_study(1, share=1.0)
