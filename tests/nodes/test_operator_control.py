@@ -28,6 +28,9 @@ from tests.conftest import WITHOUT_LIMITS
 from tests.nodes.conftest import CONFIG, change_state, processes_of_domain, recorded, wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 
+#: The slowest way to rest that is allowed. After two steps at 1 m/s² it takes 1 s to brake, and 5 s over 5 mm back.
+SLOW_WAY_TO_REST = ("safety.ramp_acceleration:=0.01", "safety.ramp_velocity:=0.001")
+
 
 def ask(client, service):
     """Call a service of the table driver and return whether it did it, and its words."""
@@ -65,10 +68,10 @@ class Driver:
         self._diagnostics.publish(message)
         self._client.spin_some()
 
-    def move(self):
+    def move(self, acceleration=0.5):
         """Begin a test; the two sides have met when a measurement comes back."""
         self.measured.clear()
-        wait_until(lambda: self.send(0) or self.send(1) or self.measured)
+        wait_until(lambda: self.send(0, acceleration) or self.send(1, acceleration) or self.measured)
 
     def wait_for(self, **values):
         def there():
@@ -102,8 +105,8 @@ def test_stop_ramps_to_rest_and_is_latched_until_reset(client, driver):
 
 def test_emergency_stop_acts_also_on_the_way_to_rest(client, driver):
     """In real time, with a way to rest of many seconds."""
-    table = driver("run.lockstep:=false", "safety.ramp_acceleration:=0.001", "safety.stale_shear_time:=500")
-    table.move()
+    table = driver("run.lockstep:=false", *SLOW_WAY_TO_REST, "safety.stale_shear_time:=500")
+    table.move(1.0)
     assert ask(client, "stop")[0]
     table.wait_for(state="tripped", table="moving")
     assert ask(client, "stop") == (True, "the table is on its way to rest already")
