@@ -21,6 +21,12 @@ FloatArray = NDArray[np.float64]
 #: How a run can end. "cut" is a recording without an end: the recorder was killed.
 OUTCOMES = ("finished", "stopped", "limit", "failed", "cut")
 
+#: Largest share of late steps of a run that kept its time. A miss holds the shear for one more Δt, so that a share p
+#: lengthens the mean delay of the feedback by p·Δt. A delay τ is a negative damping k·τ (Horiuchi et al. 1999,
+#: Earthquake Engng Struct. Dyn. 28, 1121-1141): up to here that of the delay of one Δt, which the loop has anyway,
+#: grows by 1 %.
+LARGEST_LATE_SHARE = 0.01
+
 
 @dataclass(frozen=True)
 class TimingStatistics:
@@ -96,6 +102,9 @@ class RunRecord:
         Sentence that says why the run ended.
     timing : TimingStatistics, optional
         None for a run in process, and when a recording has no end.
+    told_controller : str, optional
+        Controller of the table as its driver told it, empty when it told none: a driver of somebody else. None where
+        nobody was asked: a run in process, and a recording without an end.
     source : str
         ``"in process"`` or the path of the bag.
     """
@@ -119,6 +128,7 @@ class RunRecord:
     outcome: str = "finished"
     reason: str = ""
     timing: TimingStatistics | None = None
+    told_controller: str | None = None
     source: str = "in process"
 
     @property
@@ -140,6 +150,34 @@ class RunRecord:
     def stable(self) -> bool:
         """True when no limit was passed in what was recorded."""
         return self.outcome != "limit"
+
+    @property
+    def stability(self) -> str:
+        """What the run says about its loop: stable, unstable, limit (another one was passed), failed, or no data."""
+        if not np.isfinite(self.desired_acceleration).any():
+            return "no data"
+        if self.outcome == "limit":
+            return "unstable" if "safety.stability_limit" in self.reason else "limit"
+        return "failed" if self.outcome == "failed" else "stable"
+
+    @property
+    def late_share(self) -> float | None:
+        """Share of steps that missed their deadline, or began late if those are more; None when no clock was kept."""
+        if self.timing is None or not self.steps:
+            return None
+        return max(self.timing.missed_deadlines, self.timing.late_ticks) / self.steps
+
+    @property
+    def kept_time(self) -> bool | None:
+        """True when the run kept real time (`LARGEST_LATE_SHARE`); None when no clock was kept."""
+        return None if self.late_share is None else self.late_share <= LARGEST_LATE_SHARE
+
+    @property
+    def controller(self) -> str:
+        """Controller of the table: as its driver told it, or else as it is configured."""
+        if self.told_controller is None:
+            return str(self.configuration["table"]["controller"])
+        return self.told_controller or "unknown"
 
     def signals(self) -> dict[str, FloatArray]:
         """Return every recorded signal by name."""

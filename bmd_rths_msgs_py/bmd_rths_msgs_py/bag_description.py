@@ -35,20 +35,25 @@ def start_metadata(
     return {"configuration": _json(configuration), "motion": _json(motion), "versions": _json(versions)}
 
 
-def end_metadata(outcome: str, reason: str, timing: TimingStatistics | None) -> dict[str, str]:
+def end_metadata(
+    outcome: str, reason: str, timing: TimingStatistics | None, controller: str | None = None
+) -> dict[str, str]:
     """Return what `BagWriter.close` has to be given.
 
     Parameters
     ----------
     outcome, reason, timing
         As in `RunRecord`.
+    controller : str, optional
+        ``told_controller`` of `RunRecord`; left out when there is none.
 
     Returns
     -------
     dict of str to str
         Outcome and reason as they are, timing as JSON (``null`` without one).
     """
-    return {"outcome": outcome, "reason": reason, "timing": _json(None if timing is None else vars(timing))}
+    told = {} if controller is None else {"controller": controller}
+    return {"outcome": outcome, "reason": reason, "timing": _json(None if timing is None else vars(timing)), **told}
 
 
 def read_object(story: Mapping[str, str], key: str) -> dict[str, Any]:

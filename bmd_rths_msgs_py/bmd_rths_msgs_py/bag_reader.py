@@ -252,6 +252,7 @@ class _Contents:
             outcome=outcome,
             reason=reason,
             timing=read_timing(end),
+            told_controller=end.get("controller"),
             source=source,
         )
 

@@ -59,5 +59,5 @@ def write_record(record: RunRecord, directory: Path) -> Path:
         )
         data = measurement_codec.pack(stamp_ns, measurement)
         writer.write(MEASUREMENT.full_name, MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
-    writer.close(end_metadata(record.outcome, record.reason, record.timing))
+    writer.close(end_metadata(record.outcome, record.reason, record.timing, record.told_controller))
     return directory

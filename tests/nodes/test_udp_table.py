@@ -27,7 +27,7 @@ from bmd_rths_core.table.wire import (
     encode_controller_packet,
 )
 from bmd_rths_nodes.hardware.controllers import make_table_controller as make_udp_table
-from tests.nodes.conftest import wait_until
+from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 
 #: No thread of a busy machine is this late; a lost answer or a silent host is what the test says it is.
@@ -504,3 +504,22 @@ def test_fault_at_run_time_through_the_controller_is_seen_by_the_host():
         server._faults.clear("loss")
         table.close()
         assert table.statistics()["udp_stop"] == "confirmed"
+
+
+@pytest.mark.parametrize("options", [(), ("--composed",)], ids=["five processes", "composed"])
+def test_controller_that_is_idle_while_armed_ends_a_run_with_its_own_reason(bmd_rths, tmp_path, domain, options):
+    """Before the test begins: another program stops the controller while the nodes look for each other."""
+    script = Script(lambda packet: [])
+    try:
+        address = f"udp://127.0.0.1:{script.socket.getsockname()[1]}"
+        settings = ("--set", "run.preflight=skip", "--set", "run.settling_time=20.0", *options)
+        child = bmd_rths("run", CONFIG, "--table", address, *settings, "--output", tmp_path / "bags")
+        wait_until(lambda: script.received[Kind.ARM])
+        script.state = ControllerState.IDLE
+        result = child.wait()
+    finally:
+        script.close()
+    assert result.status == 1
+    assert f"error: table_driver: table controller: {address} is idle: it was stopped or restarted" in result.errors
+    assert "did not find each other" not in result.errors
+    assert processes_of_domain(domain) == {}

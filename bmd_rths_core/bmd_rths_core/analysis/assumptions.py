@@ -6,20 +6,22 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 
 
-def assumptions(config: Config) -> str:
+def assumptions(config: Config, controller: str = "") -> str:
     """Return what the results of a configuration assume that no laboratory has measured.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
+    controller : str
+        What really moved the table (`RunRecord.controller`); empty for the one of the configuration.
 
     Returns
     -------
     str
         One sentence; empty where the table is a real one.
     """
-    if config.table.controller != "simulated":
+    if (controller or config.table.controller) != "simulated":
         return ""
     table, motion = config.simulated_table, config.ground_motion
     parts = [_dynamics(table)]

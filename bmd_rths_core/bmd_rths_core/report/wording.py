@@ -7,7 +7,7 @@ import math
 from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.analysis.run_analysis import RunAnalysis
 from bmd_rths_core.analysis.verdict import GREEN, RED, UNJUDGED
-from bmd_rths_core.record import RunRecord
+from bmd_rths_core.record import LARGEST_LATE_SHARE, RunRecord
 
 _OUTCOMES = {
     "finished": "Finished: the whole ground motion was run.",
@@ -46,10 +46,21 @@ def ending(record: RunRecord) -> str:
     """Return a sentence that says how a test ended."""
     words = _OUTCOMES[record.outcome]
     if record.outcome == "finished":
-        return words
+        return words if record.kept_time is not False else f"{words[:-1]}, but not in real time: {lateness(record)}."
     if record.outcome == "stopped" and record.reason.endswith("stopped by the operator"):
         return f"{words}."
     return f"{words}: {record.reason}"
+
+
+def lateness(record: RunRecord) -> str:
+    """Return how many steps of a run were late."""
+    timing, share = record.timing, record.late_share
+    if timing is None or share is None:
+        return "no clock was kept"
+    return (
+        f"{timing.missed_deadlines} of {record.steps} deadlines were missed and {timing.late_ticks} steps began late, "
+        f"{100.0 * share:.1f} % where {100.0 * LARGEST_LATE_SHARE:g} % is allowed"
+    )
 
 
 def results(analysis: RunAnalysis) -> str:
@@ -117,5 +128,8 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
 
 def assumption(analysis: RunAnalysis) -> str:
     """Return what table the results come from, and what is assumed of it."""
-    table = analysis.config.table
-    return assumptions(analysis.config) or f"Table controller: {table.controller}, {table.address}."
+    table, controller = analysis.config.table, analysis.record.controller
+    if controller == "unknown":
+        return "The table was moved by a driver of somebody else, which did not tell what it is."
+    address = f", {table.address}" if controller == table.controller else ""
+    return assumptions(analysis.config, controller) or f"Table controller: {controller}{address}."

@@ -12,6 +12,14 @@ if TYPE_CHECKING:
     from bmd_rths_core.analysis.run_analysis import RunAnalysis
 
 
+#: Why a run of some `RunRecord.stability` has no errors.
+_NOT_COMPUTED = {
+    "unstable": "not computed, the loop was unstable",
+    "limit": "not computed, a limit ended the test",
+    "no data": "no data",
+}
+
+
 def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     """Return the result of a run as plain values.
 
@@ -31,12 +39,13 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     record, metrics = analysis.record, analysis.metrics
     result = {
         "scheme": record.configuration["run"]["scheme"],
-        "table": record.configuration["table"]["controller"],
-        "assumptions": assumptions(analysis.config),
+        "table": record.controller,
+        "assumptions": assumptions(analysis.config, record.controller),
         "motion": record.motion["name"],
         "steps": record.steps,
         "duration_s": record.steps * record.time_step,
-        "stable": record.stable,
+        "stable": None if record.stability == "no data" else record.stable,
+        "stability": record.stability,
         "outcome": record.outcome,
         "reason": record.reason,
         "rmse_percent": metrics.rmse_percent if record.stable else dict.fromkeys(metrics.rmse_percent),
@@ -52,6 +61,9 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     if record.timing is not None:
         result["missed_deadlines"] = record.timing.missed_deadlines
         result["max_consecutive_misses"] = record.timing.max_consecutive_misses
+        result["late_ticks"] = record.timing.late_ticks
+        result["late_share"] = record.late_share
+        result["kept_time"] = record.kept_time
         result["closure_ms"] = dict(record.timing.closure_ms)
     return {key: without_nan(value) for key, value in result.items()}
 
@@ -73,12 +85,13 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    title = f"{result['motion']}, {result['scheme']}: {result['outcome']} ({result['reason']})"
+    outcome = result["outcome"] if result.get("kept_time") is not False else f"{result['outcome']}, not in real time"
+    title = f"{result['motion']}, {result['scheme']}: {outcome} ({result['reason']})"
     table = Table(title=Text(title), title_justify="left", show_header=False, title_style="bold")
     for floor, value in result["rmse_percent"].items():
         table.add_row(
             f"RMSE {floor.replace('_', ' ')}",
-            "not computed, a limit ended the test" if not result["stable"] else _number(value, "%"),
+            _NOT_COMPUTED.get(result["stability"]) or _number(value, "%"),
         )
     if result["stable"]:
         for label, of in _QUALITY.items():
@@ -96,6 +109,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     if "closure_ms" in result:
         closure = ", ".join(f"{name} {_number(value, 'ms')}" for name, value in result["closure_ms"].items())
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
+        table.add_row("steps that began late", str(result["late_ticks"]))
         table.add_row("closure of a step", closure)
     table.add_row("verdict", Text(result["verdict"], style=_COLOURS[result["verdict"]]))
     Console(soft_wrap=True).print(table)

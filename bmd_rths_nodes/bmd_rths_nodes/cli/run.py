@@ -91,8 +91,12 @@ def run(
 
 
 def _explain_misses(record: RunRecord) -> None:
-    """Print what to do when missed deadlines ended the test, or may have."""
+    """Say that a test did not keep real time, and what to do when missed deadlines ended it, or may have."""
+    from bmd_rths_core.report.wording import lateness
+
     timing = record.timing
+    if record.outcome == "finished" and record.kept_time is False:
+        log(f"warning: the test did not keep real time: {lateness(record)}")
     if timing is None or not timing.missed_deadlines or record.outcome not in ("failed", "limit"):
         return
     led = "; late shears make the command jump and drift, which may have led to the limit"

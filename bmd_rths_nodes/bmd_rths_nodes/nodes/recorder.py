@@ -120,6 +120,7 @@ class RecorderNode(StageNode):
         self._end: End | None = None
         self._table_moves = False
         self._trip = ""
+        self._controller: str | None = None
 
     def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the parameters and, because the name of a file says little, what the ground motion is."""
@@ -230,6 +231,7 @@ class RecorderNode(StageNode):
             self._end = End.told_by(peer) or self._end
         elif peer.role == TABLE_DRIVER:
             self._table_moves = peer.values.get("table") == "moving"
+            self._controller = peer.values.get("controller", self._controller or "")
             self._trip = peer.message if peer.state is NodeState.TRIPPED else self._trip
 
     def on_missed_beginning(self) -> None:
@@ -264,7 +266,8 @@ class RecorderNode(StageNode):
 
     def _close(self, outcome: str, reason: str, timing: TimingStatistics | None) -> None:
         writer = self._writer
-        if writer is not None and self._guarded(lambda: writer.close(end_metadata(outcome, reason, timing))):
+        end = end_metadata(outcome, reason, timing, self._controller)
+        if writer is not None and self._guarded(lambda: writer.close(end)):
             self.get_logger().info(f"{self._messages} messages in {self._bag}; {outcome}: {reason}")
             self.set_state(NodeState.ENDED, self._bag)
         self._writer = None
