@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -185,6 +186,11 @@ class AdaptiveShaper:
                 f"{scheme}.lower_frequency, {scheme}.upper_frequency: {lower:g} and {upper:g} Hz are not allowed; one "
                 f"below the other, and both below half the rate of the loop, {half:g} Hz, are required"
             )
+
+    @property
+    def adapted(self) -> Mapping[str, float]:
+        """Factors of the three coefficients of this step, by name."""
+        return dict(zip(("acceleration_factor", "jerk_factor", "snap_factor"), self.factors.tolist(), strict=True))
 
     def reset(self) -> None:
         """Return to rest before step 0, with the coefficients of the identified table."""
