@@ -43,7 +43,7 @@ class MpicConfig:
         "joint",
         description="What corrects the virtual building: joint, one observer of table and specimen, or measured_table, "
         "an observer of the specimen that the measured motion of the table drives, for a table that is not known well",
-        source="docs/compensators.md",
+        source="docs/reference/compensators.md",
         choices=("joint", "measured_table"),
     )
     preview: int = parameter(
