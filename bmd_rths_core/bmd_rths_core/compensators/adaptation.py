@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -114,7 +115,13 @@ class Differences:
         self._values[:] = 0.0
 
     def step(self, value: float) -> FloatArray:
-        """Return value, first and second derivative, shape (3,)."""
+        """Return value, first and second derivative, shape (3,).
+
+        Parameters
+        ----------
+        value : float
+            Of this step.
+        """
         values = self._values
         values[2], values[1], values[0] = values[1], values[0], value
         return np.asarray(self._weights @ values)
@@ -186,6 +193,11 @@ class AdaptiveShaper:
                 f"below the other, and both below half the rate of the loop, {half:g} Hz, are required"
             )
 
+    @property
+    def adapted(self) -> Mapping[str, float]:
+        """Factors of the three coefficients of this step, by name."""
+        return dict(zip(("acceleration_factor", "jerk_factor", "snap_factor"), self.factors.tolist(), strict=True))
+
     def reset(self) -> None:
         """Return to rest before step 0, with the coefficients of the identified table."""
         self._desired.reset()
@@ -255,7 +267,15 @@ class Rule(Protocol):
         """Forget the past."""
 
     def wanted(self, sample: Sample, factors: FloatArray) -> FloatArray:
-        """Return the coefficients after a step, relative to those of the identified table, without rate or bounds."""
+        """Return the coefficients after a step, relative to those of the identified table, without rate or bounds.
+
+        Parameters
+        ----------
+        sample : Sample
+            What this step tells.
+        factors : ndarray, shape (3,)
+            Coefficients of this step, relative to those of the identified table.
+        """
 
 
 def inverse_coefficients(known: Known, limits: Limits, scheme: str) -> FloatArray:

@@ -74,7 +74,15 @@ class NormalisedGradient:
         self._power = np.zeros(2)
 
     def wanted(self, sample: Sample, factors: FloatArray) -> FloatArray:
-        """Return the coefficients one step down the gradient of the squared error of the inverse model."""
+        """Return the coefficients one step down the gradient of the squared error of the inverse model.
+
+        Parameters
+        ----------
+        sample : Sample
+            What this step tells.
+        factors : ndarray, shape (3,)
+            Coefficients of this step, relative to those of the identified table.
+        """
         regressors, command = sample
         now = np.array([regressors[0] ** 2, regressors @ regressors])
         self._power += self._forget * (now - self._power)

@@ -70,7 +70,15 @@ class MovingLeastSquares:
         self._count = 0
 
     def wanted(self, sample: Sample, factors: FloatArray) -> FloatArray:
-        """Return the fit, or the coefficients as they are where the window is quiet or not full."""
+        """Return the fit, or the coefficients as they are where the window is quiet or not full.
+
+        Parameters
+        ----------
+        sample : Sample
+            What this step tells.
+        factors : ndarray, shape (3,)
+            Coefficients of this step, relative to those of the identified table.
+        """
         window = self._window
         row = window[self._count % len(window)]
         row[:3], row[3] = sample

@@ -52,7 +52,13 @@ class HeldTable(NamedTuple):
     acceleration: FloatArray
 
     def response(self, angles: FloatArray) -> ComplexArray:
-        """Return the response at the angles ω Δt [rad], shape (p,)."""
+        """Return the response, shape (p,).
+
+        Parameters
+        ----------
+        angles : ndarray, shape (p,)
+            ω Δt [rad].
+        """
         identity = np.eye(len(self.transition))
         pencil = np.exp(1j * angles)[:, None, None] * identity - self.transition
         return np.asarray((self.acceleration @ np.linalg.solve(pencil, self.command))[:, 0, 0])

@@ -5,7 +5,7 @@ A compensator sees noisy sensors, the ground motion and models that were identif
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -66,6 +66,10 @@ class Shaper(Protocol):
 
 class AdaptiveShaper(Shaper, Protocol):
     """A shaper that is not linear because it adapts."""
+
+    @property
+    def adapted(self) -> Mapping[str, float]:
+        """What is adapted, as it is in this step, by name; the same names always."""
 
     def held(self) -> DiscreteStateSpace:
         """Return the shaper as it begins, its adaptation held, as `Shaper.state_space` has it; stability needs it."""
@@ -149,6 +153,17 @@ class InterfaceControl(Protocol):
 
     def state_space(self) -> LinearControl | None:
         """Return the control as a linear system, or None where it is not linear."""
+
+
+class AdaptiveControl(InterfaceControl, Protocol):
+    """An interface control that is not linear because it adapts."""
+
+    @property
+    def adapted(self) -> Mapping[str, float]:
+        """What is adapted, as it is in this step, by name; the same names always."""
+
+    def held(self) -> LinearControl:
+        """Return the control as it begins, its adaptation held; stability needs it."""
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ def controlled_loop(config: Config) -> ClosedLoop:
     specimen, step = config.specimen.building(), config.run.time_step
     control = make_interface_control(config)
     linear = None if control is None else control.state_space()
+    if control is not None and linear is None and hasattr(control, "held"):
+        linear = control.held()
     if control is None or linear is None:
         raise InputError(f"run.scheme: {config.run.scheme} is not linear; there are no matrices of its loop")
     own = linear.system

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from bmd_rths_core.parameters import check_parameters, parameter
-from bmd_rths_core.physical_bounds import POSITIVE_FACTOR, VARIANCE
+from bmd_rths_core.physical_bounds import POSITIVE_FACTOR, VARIANCE, Bounds
+
+_TIME = Bounds(lower=0.01, upper=600.0)
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,13 @@ class MpicConfig:
         source="tuned on the simulated table",
         **VARIANCE,
     )
+    observer: str = parameter(
+        "joint",
+        description="What corrects the virtual building: joint, one observer of table and specimen, or measured_table, "
+        "an observer of the specimen that the measured motion of the table drives, for a table that is not known well",
+        source="docs/reference/compensators.md",
+        choices=("joint", "measured_table"),
+    )
     preview: int = parameter(
         3,
         description="Steps of the ground motion known in advance; the motion of the table starts so much later",
@@ -59,6 +68,42 @@ class MpicConfig:
         unit="1",
         source="tuned on the simulated table",
         **POSITIVE_FACTOR,
+    )
+    trim: bool = parameter(
+        False, description="Find gain and delay of the table while the test runs, and trim the command for them"
+    )
+    trim_memory: float = parameter(
+        4.0, description="Time in which the trim forgets", unit="s", source="tuned on the simulated table", **_TIME
+    )
+    trim_quiet_acceleration: float = parameter(
+        0.1,
+        description="Motion of the table in 1 to 8 Hz, root mean square, below which the trim does not move",
+        unit="m/s2",
+        source="assumed: twice the noise of an accelerometer",
+        lower=0.0,
+        upper=1e3,
+    )
+    trim_largest_gain: float = parameter(
+        1.3,
+        description="Largest gain of the table that is trimmed; the least is its inverse",
+        unit="1",
+        source="assumed",
+        lower=1.0,
+        upper=3.0,
+    )
+    trim_largest_delay: float = parameter(
+        0.008,
+        description="Largest delay of the table that is trimmed, of either sign",
+        unit="s",
+        source="assumed",
+        lower=0.0,
+        upper=0.1,
+    )
+    trim_gain_rate: float = parameter(
+        0.1, description="Largest rate of the gain", unit="1/s", source="assumed", lower=0.0, upper=10.0
+    )
+    trim_delay_rate: float = parameter(
+        0.003, description="Largest rate of the delay", unit="s/s", source="assumed", lower=0.0, upper=1.0
     )
     centring_frequency: float = parameter(
         1.5708,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.compensators.mpic.estimation import Observer
+from bmd_rths_core.compensators.mpic.specimen_observer import SpecimenObserver
 from bmd_rths_core.compensators.mpic.tracking import Tracking
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.table.models.held_plant import HeldPlant
@@ -24,6 +25,8 @@ class Layout(NamedTuple):
         x̂⁻, the plant as predicted.
     building : slice
         Φ x_b + Γ₀ a_g of the step before.
+    specimen : slice
+        Φ x̂ + Γ₀ a_t of the step before of the specimen's own observer; empty with the joint one.
     ground : slice
         Displacement and velocity of the ground, but for what a_g of this step adds.
     ground_acceleration : slice
@@ -36,6 +39,7 @@ class Layout(NamedTuple):
 
     plant: slice
     building: slice
+    specimen: slice
     ground: slice
     ground_acceleration: slice
     measured: slice
@@ -76,7 +80,12 @@ class PackedStep(NamedTuple):
 
 
 def packed_step(
-    plant: HeldPlant, building: VirtualBuilding, observer: Observer, tracking: Tracking, time_step: float
+    plant: HeldPlant,
+    building: VirtualBuilding,
+    observer: Observer,
+    tracking: Tracking,
+    time_step: float,
+    specimen: SpecimenObserver | None = None,
 ) -> PackedStep:
     """Multiply out a step.
 
@@ -86,19 +95,30 @@ def packed_step(
         The parts.
     time_step : float
         Δt [s].
+    specimen : SpecimenObserver, optional
+        Corrects the virtual building in place of the joint observer.
 
     Returns
     -------
     PackedStep
     """
-    sizes = (len(plant.transition), len(building.force), 2, len(tracking.preview) + 1, len(observer.measurement), 1)
+    own = 0 if specimen is None else len(specimen.transition)
+    sizes = (
+        len(plant.transition),
+        len(building.force),
+        own,
+        2,
+        len(tracking.preview) + 1,
+        len(observer.measurement),
+        1,
+    )
     ends = np.cumsum(sizes).tolist()
     layout = Layout(*(slice(end - size, end) for end, size in zip(ends, sizes, strict=True)))
     start = np.zeros(layout.states)
     start[layout.building] = -building.ground_now[:, 0]
     start[layout.ground] = -_ground_now(time_step)[:, 0]
     measured, bridged = (
-        _multiplied_out(layout, plant, building, observer, tracking, time_step, gain) for gain in (1.0, 0.0)
+        _multiplied_out(layout, plant, building, observer, tracking, time_step, specimen, gain) for gain in (1.0, 0.0)
     )
     return PackedStep(layout, 3 + building.numerical_stories, measured, bridged, start)
 
@@ -110,6 +130,7 @@ def _multiplied_out(
     observer: Observer,
     tracking: Tracking,
     time_step: float,
+    specimen: SpecimenObserver | None,
     gain: float,
 ) -> FloatArray:
     """Return M; a signal is a row, what it takes of the state and of the inputs."""
@@ -118,7 +139,17 @@ def _multiplied_out(
     predicted = rows[layout.plant] + plant.command @ rows[layout.command_error]
     innovation = gain * (rows[layout.measured] - observer.measurement @ predicted)
     estimate = predicted + observer.plant_gain @ innovation
-    virtual = rows[layout.building] + building.ground_now @ ground[:1] + observer.building_gain @ innovation
+    virtual = rows[layout.building] + building.ground_now @ ground[:1]
+    following = rows[layout.specimen]
+    if specimen is None:
+        virtual = virtual + observer.building_gain @ innovation
+    else:
+        # Without a measurement the motion of the table is what the joint observer makes of the command.
+        moving = rows[layout.measured][:1] if gain else plant.output[:1] @ estimate
+        modelled = rows[layout.specimen] + specimen.now @ moving
+        told = gain * (rows[layout.measured][list(specimen.sensors)] - specimen.measurement @ modelled)
+        virtual = virtual + specimen.building_gain @ told
+        following = specimen.transition @ (modelled + specimen.gain @ told) + specimen.before @ moving
     moved = rows[layout.ground] + _ground_now(time_step) @ ground[:1]
     error = estimate.copy()
     error[plant.displacement : plant.displacement + 2] -= virtual[list(building.interface)] + moved
@@ -130,6 +161,7 @@ def _multiplied_out(
             virtual[: building.numerical_stories],
             plant.transition @ estimate + plant.command @ command[None],
             building.transition @ virtual + building.ground_before @ ground[:1],
+            following,
             np.array([[1.0, time_step], [0.0, 1.0]]) @ moved + _ground_before(time_step) @ ground[:1],
         )
     )
