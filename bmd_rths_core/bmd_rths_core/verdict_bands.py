@@ -18,8 +18,7 @@ class VerdictConfig:
         20.0,
         description="Largest root-mean-square error of the acceleration of the table against the desired one",
         unit="%",
-        source="assumed; J2 of the controllers in Silva et al. 2020 is below 10 % for displacements, of which the "
-        "acceleration is the harder half",
+        source="assumed",
         lower=0.0,
         upper=1e4,
     )

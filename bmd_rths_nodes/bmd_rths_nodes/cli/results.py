@@ -97,7 +97,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         for label, of in _QUALITY.items():
             table.add_row(label, ", ".join(_of_place(name, value) for name, value in result[of].items()))
     table.add_row("tracking error of the table", _number(result["tracking_error_percent"], "%"))
-    table.add_row("delay, amplitude of the table (FEI)", _evaluation(result))
+    table.add_row("delay, amplitude (FEI)", _evaluation(result))
     table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))
     table.add_row("peaks of the table", _table_peaks(result["table_peaks"]))
     if "ductility" in result:
@@ -124,7 +124,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
 #: What is told of interface and floors, beside the errors against the nominal building.
 _QUALITY = {
     "RMSE, true building": "rmse_true_percent",
-    "RMSE, true building, no noise": "rmse_clean_percent",
+    "the same without noise": "rmse_clean_percent",
     "noise of the sensors": "noise_floor_percent",
     "capture": "capture",
 }
