@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, cast
@@ -208,13 +208,15 @@ class Config:
             mapping.setdefault(section, {})[key] = value
         return config_from_mapping(mapping)
 
-    def merged(self, path: str | Path) -> Config:
+    def merged(self, path: str | Path, sections: Collection[str] = ()) -> Config:
         """Return a copy with the parameters of another file, for example an identified model, over its own.
 
         Parameters
         ----------
         path : str or Path
             File as `load_config` reads it. What it does not name stays, as with a second ``--params-file`` of ROS.
+        sections : collection of str, optional
+            Only these of its sections count, and it has to have them; by default all it has.
 
         Returns
         -------
@@ -228,7 +230,12 @@ class Config:
         """
         mapping: dict[str, Any] = self.as_mapping()
         floors = len(self.specimen.masses)
-        for name, values in _read_sections(path).items():
+        read = _read_sections(path)
+        if missing := [name for name in sections if name not in read]:
+            raise InputError(f"{path}: no section {missing[0]}; it has {', '.join(map(str, read)) or 'none'}")
+        for name, values in read.items():
+            if sections and name not in sections:
+                continue
             known = isinstance(values, Mapping) and name in mapping
             mapping[name] = {**mapping[name], **values} if known else values
         merged = _named(path, mapping)

@@ -26,6 +26,7 @@ _HEAD_SIZE = 12
 _BYTES_PER_JOINT = 36  # at least: length and text of the name, three numbers
 _VECTORS_SIZE = 48  # the two Vector3 of an Accel or a Wrench
 _FIRST_OF_VECTORS = {order: Struct(f"{order}d40x") for order in "<>"}
+_FIRST_TWO_OF_VECTORS = {order: Struct(f"{order}2d32x") for order in "<>"}
 
 
 class MalformedMessage(ValueError):
@@ -93,11 +94,34 @@ class ScalarCodec:
         MalformedMessage
             The bytes are not such a message.
         """
-        order, stamp_ns, end = _unpack_head(data)
-        body = _ENCAPSULATION_SIZE + ((end + 7) & ~7)
-        if len(data) < body + _VECTORS_SIZE:
-            raise MalformedMessage(f"{len(data)} bytes; at least {body + _VECTORS_SIZE} are required")
+        order, stamp_ns, body = _unpack_vectors(data)
         return stamp_ns, _FIRST_OF_VECTORS[order].unpack_from(data, body)[0]
+
+
+class PairCodec:
+    """Two numbers in an AccelStamped, ``accel.linear.x`` and ``accel.linear.y``.
+
+    A `ScalarCodec` reads the first of them.
+
+    Parameters
+    ----------
+    frame_id : str
+        ``header.frame_id`` of the messages that are packed.
+    """
+
+    def __init__(self, frame_id: str = "") -> None:
+        self._scalar = ScalarCodec(frame_id)
+        self._second = Struct("<d").pack
+
+    def pack(self, stamp_ns: int, values: tuple[float, float]) -> bytes:
+        """Return the message as bytes; as `ScalarCodec.pack`, with a second number."""
+        data = self._scalar.pack(stamp_ns, values[0])
+        return data[: 8 - _VECTORS_SIZE] + self._second(values[1]) + data[16 - _VECTORS_SIZE :]
+
+    def unpack(self, data: bytes) -> tuple[int, tuple[float, float]]:
+        """Return stamp and numbers of a message from any conforming node; as `ScalarCodec.unpack`."""
+        order, stamp_ns, body = _unpack_vectors(data)
+        return stamp_ns, _FIRST_TWO_OF_VECTORS[order].unpack_from(data, body)
 
 
 class MeasurementCodec:
@@ -308,6 +332,15 @@ def _unpack_head(data: bytes) -> tuple[str, int, int]:
     if sec < 0 or nanosec >= NANOSECONDS:
         raise MalformedMessage(f"stamp of {sec} s and {nanosec} ns is not a time")
     return order, sec * NANOSECONDS + nanosec, _HEAD_SIZE + length
+
+
+def _unpack_vectors(data: bytes) -> tuple[str, int, int]:
+    """Return byte order, stamp [ns] and where the two Vector3 of an Accel or a Wrench begin."""
+    order, stamp_ns, end = _unpack_head(data)
+    body = _ENCAPSULATION_SIZE + ((end + 7) & ~7)
+    if len(data) < body + _VECTORS_SIZE:
+        raise MalformedMessage(f"{len(data)} bytes; at least {body + _VECTORS_SIZE} are required")
+    return order, stamp_ns, body
 
 
 def _head_constants(text: bytes) -> bytes:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+from bmd_rths_core.compensators.registry import compensators
 from bmd_rths_core.config import RunConfig
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
@@ -11,8 +14,8 @@ from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
-from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
-from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS
+from bmd_rths_msgs_py.cdr import MeasurementCodec, PairCodec, ScalarCodec
+from bmd_rths_msgs_py.topics import DESIRED_ACCELERATION, MEASUREMENT, SCALAR_TOPICS, Topic
 
 
 def write_record(record: RunRecord, directory: Path) -> Path:
@@ -42,12 +45,12 @@ def write_record(record: RunRecord, directory: Path) -> Path:
         raise InputError(f"run.time_step: {configured!r} in the configuration of a record of {record.time_step!r} s")
     time_step_ns = build_section(RunConfig, {"time_step": record.time_step}).time_step_ns
     measurement_codec = MeasurementCodec(record.floor_accelerations.shape[1], time_step_ns, MEASUREMENT.frame_id)
-    scalars = [(topic, ScalarCodec(topic.frame_id), getattr(record, topic.name).tolist()) for topic in SCALAR_TOPICS]
+    scalars = [(topic, *_packed(record, topic)) for topic in SCALAR_TOPICS]
     writer = BagWriter(directory, metadata=start_metadata(record.configuration, record.motion, record.versions))
     for step in range(record.steps):
         stamp_ns = step * time_step_ns
-        for topic, codec, values in scalars:
-            writer.write(topic.full_name, topic.type_name, codec.pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
+        for topic, pack, values in scalars:
+            writer.write(topic.full_name, topic.type_name, pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
         measurement = TableMeasurement(
             step,
             record.applied_command[step],
@@ -61,3 +64,12 @@ def write_record(record: RunRecord, directory: Path) -> Path:
         writer.write(MEASUREMENT.full_name, MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
     writer.close(end_metadata(record.outcome, record.reason, record.timing, record.told_controller))
     return directory
+
+
+def _packed(record: RunRecord, topic: Topic) -> tuple[Callable[[int, Any], bytes], list[Any]]:
+    """Return how the messages of a topic are packed, and the values of all steps."""
+    values: list[Any] = getattr(record, topic.name).tolist()
+    scheme = compensators().get(record.configuration.get("run", {}).get("scheme", ""))
+    if topic is DESIRED_ACCELERATION and scheme is not None and scheme.control is not None:
+        return PairCodec(topic.frame_id).pack, list(zip(values, record.command.tolist(), strict=True))
+    return ScalarCodec(topic.frame_id).pack, values

@@ -40,7 +40,7 @@ class Topic:
     producer : str
         Role that publishes it, or `EVERY_ROLE`.
     consumers : tuple of str
-        Roles that listen to it.
+        Roles that listen to it. A compensator that owns the numerical substructure listens to the measurement too.
     frame_id : str
         ``header.frame_id`` that this project writes; any other one is read as well.
     description : str
@@ -74,7 +74,8 @@ DESIRED_ACCELERATION = Topic(
     NUMERICAL_SUBSTRUCTURE,
     (COMMAND_SHAPER, RECORDER),
     "world",
-    "linear.x: absolute acceleration of the interface, from Eq. 4 [m/s2]",
+    "linear.x: absolute acceleration of the interface, from Eq. 4 [m/s2]; linear.y: the command [m/s2] where a "
+    "compensator owns the numerical substructure, otherwise 0",
 )
 REQUIRED_FORCE = Topic(
     "required_force",

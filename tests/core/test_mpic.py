@@ -22,6 +22,8 @@ from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.loop.build import make_interface_control, make_known
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.stability.controlled import controlled_margin, loop_at_mass_ratio
+from bmd_rths_core.stability.discrete import configured_mass_ratio
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.models.held_plant import held_plant
@@ -360,3 +362,45 @@ def test_virtual_building_is_exact_between_the_steps_too():
     state = (building.ground_before * 1.0 + building.ground_now * 3.0)[:, 0]
     np.testing.assert_allclose(state[:2], end[:2], rtol=1e-7)
     np.testing.assert_allclose(state[4:6], end[2:4] - end[1], rtol=1e-6)
+
+
+# Stability
+
+
+def heavier(config, factor):
+    """Return a loop whose real specimen is heavier, step by step: the control keeps its model."""
+    specimen = config.specimen.building()
+    real = replace(specimen, masses=tuple(factor * mass for mass in specimen.masses))
+    return SimulatedTable(config.simulated_table, real, config.run.time_step, config.run.seed)
+
+
+def test_loop_with_a_heavier_specimen_is_that_of_a_table_that_carries_one():
+    config, ground = quiet(), motion()
+    configured = configured_mass_ratio(config)
+    quotient = 1.2 * configured / (1.0 - configured)
+    loop = loop_at_mass_ratio(config, configured, quotient / (1.0 + quotient))
+    record = RthsLoop(config, ground, table=heavier(config, 1.2)).run()
+    ahead = np.append(ground.acceleration[loop.preview :], np.zeros(loop.preview))[:, None]
+    simulation = LinearSimulation(loop.system, loop.start @ ground.acceleration[: loop.preview, None])
+    outputs = dict(zip(loop.outputs, simulation.advance(ahead, np.zeros((600, 6)))[0], strict=True))
+    for name in ("desired_acceleration", "command", "table_displacement"):
+        signal = getattr(record, name)
+        np.testing.assert_allclose(outputs[name], signal, atol=1e-8 * np.abs(signal).max())
+
+
+def test_margin_is_where_the_eigenvalues_leave_the_unit_circle():
+    config = exact(
+        mpic__model_error=5.0,
+        identified_model__stiffnesses=[1.5e6, 3e6],
+        identified_model__damping_coefficients=[3330.0, 78.0],
+    )
+    configured = configured_mass_ratio(config)
+    margin = controlled_margin(config, configured)
+    radius = loop_at_mass_ratio(config, configured, configured).spectral_radius
+    assert bool(margin.stable_intervals) == (radius < 1.0)
+    for interval in margin.stable_intervals:
+        for end, frequency in ((interval.lower, interval.lower_frequency), (interval.upper, interval.upper_frequency)):
+            if np.isfinite(frequency):
+                assert loop_at_mass_ratio(config, configured, end).spectral_radius == pytest.approx(1.0, abs=1e-6)
+            else:
+                assert loop_at_mass_ratio(config, configured, end).spectral_radius < 1.0

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from bmd_rths_core.table.controller import TableMeasurement
-from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
+from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, PairCodec, ScalarCodec, count_floors
 from bmd_rths_msgs_py.topics import ACCELERATION_TYPE, FORCE_TYPE, MEASUREMENT_TYPE
 
 FRAMES = ["", "a", "ab", "abc", "abcd", "world", "interface", "a_very_long_frame_id/with/é", "x" * 300]
@@ -290,3 +290,15 @@ def test_fuzz() -> None:
                 assert isinstance(content, float) or content.floor_accelerations.shape == (3,)
     assert good > 10_000
     assert malformed > 10_000
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_pair_is_read_by_ros_and_its_first_number_as_a_scalar(frame: str) -> None:
+    data = PairCodec(frame).pack(STAMP, (1.5, -2.5))
+    message = deserialize_message(data, AccelStamped)
+    assert (message.accel.linear.x, message.accel.linear.y, message.accel.linear.z) == (1.5, -2.5, 0.0)
+    assert message.accel.angular.z == 0.0
+    assert (message.header.frame_id, ScalarCodec().unpack(data)) == (frame, (STAMP, 1.5))
+    assert PairCodec().unpack(serialize_message(message)) == (STAMP, (1.5, -2.5))
+    with pytest.raises(MalformedMessage, match="at least"):
+        PairCodec().unpack(data[:-1])

@@ -72,6 +72,25 @@ def test_eight_story_system_is_no_go_and_a_share_of_its_shear_is_go(result_of):
     assert scaled["discrete"]["spectral_radius"] < 1.0
 
 
+@pytest.mark.parametrize("source", ["kalman", "load_cell"])
+def test_eight_story_system_with_its_whole_shear_is_go_under_mpic(run_main, result_of, source):
+    arguments = (EIGHT_STORY, "--scheme", "mpic", "--no-sensitivity", "--set", f"shear_estimator.source={source}")
+    result = result_of(*arguments)
+    assert (result["verdict"], round(result["mass_ratio"], 2)) == ("go", 0.65)
+    assert result["mass_ratio"] == result["whole_mass_ratio"]
+    assert result["continuous"] is result["continuous_complete"] is result["largest_feedback_scale"] is None
+    assert result["discrete"]["confirmed"] is True
+    assert result["verdict_text"].startswith("GO: the loop of mpic is stable at mass ratio 0.650, and with a real")
+
+
+def test_analyses_that_do_not_apply_say_so(run_main):
+    status, output, _ = run_main("stability", SIMPLIFIED, "--scheme", "mpic", "--no-sensitivity")
+    assert (status, output.count("not applicable")) == (0, 2)
+    status, _, errors = run_main("stability", SIMPLIFIED, "--scheme", "mpic", "--no-sensitivity", "--sweep")
+    assert (status, errors.count("\n")) == (2, 1)
+    assert "--sweep: only for the schemes of the paper" in errors
+
+
 def test_everything_of_the_object(result_of):
     result = result_of(SIMPLIFIED, "--scheme", "plc", "--sweep", "--modes", "1", "--feedback-delay", "2")
     assert (result["scheme"], result["table"], result["modes"], result["feedback_delay_steps"]) == (

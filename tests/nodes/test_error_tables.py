@@ -23,3 +23,13 @@ def test_shipped_record_is_that_of_its_event():
     """Its source is no folder of an earthquake, its name is."""
     assert result(1.0, motion="el_centro_1940_ns")["event"] == "El Centro"
     assert result(1.0, motion="other")["event"] is None
+
+
+def test_other_compensators_have_columns_behind_those_of_the_paper(capsys):
+    runs = [result(5.0, scheme="mpic", motion="el_centro_1940_ns"), result(20.0, motion="el_centro_1940_ns")]
+    runs += [result(7.0, scheme="of_somebody_else", motion="el_centro_1940_ns")]
+    show_error_tables(runs, varied=False, assumed=())
+    text = capsys.readouterr().out
+    assert text.index("uc (paper)") < text.index("mpic") < text.index("of_somebody_else")
+    assert "mpic (paper)" not in text
+    assert " 5.00 " in text

@@ -37,13 +37,38 @@ def test_json_tells_table_specimen_and_files(run_main, tmp_path):
     assert text.startswith("# Identified by bmd-rths identify on ")
     assert "noise of 2 m/s2 for 40 s, seed 0" in text
     sections = yaml.safe_load(text)["/**"]["ros__parameters"]
-    assert list(sections) == ["command_shaper", "simulated_table", "specimen"]
+    assert list(sections) == ["command_shaper", "simulated_table", "specimen", "identified_model"]
     merged = config.merged(model)
+    assert merged.identified_model.table == result["identified_model"]["table"] == "interacting_servo"
+    assert merged.identified_model.stiffnesses == pytest.approx(real.stiffnesses, rel=1e-3)
+    assert result["identified_model"]["noise"]["shear_noise"] == pytest.approx(20.0, rel=0.1)
     assert merged.simulated_table.specimen_stiffness_factor == 1.0
     assert merged.command_shaper.lead_time == pytest.approx(1e-3 * result["delay"]["ms"], abs=5e-7)
     status, output, _ = run_main("simulate", CONFIG, "--model", model, "--json")
     assert status == 0
     assert json.loads(output)["stable"]
+
+
+def test_compensator_gets_the_identified_model_and_the_virtual_laboratory_stays(run_main, tmp_path):
+    model = tmp_path / "model.yaml"
+    model.write_text(
+        "/**:\n  ros__parameters:\n    identified_model: {table: interacting_servo, servo_real_pole: 44.0}\n"
+        "    specimen: {masses: [760.0, 800.0], stiffnesses: [1e6, 1e6], damping_coefficients: [1e3, 1e3]}\n"
+    )
+    config, merged = load_config(CONFIG), load_config(CONFIG).merged(model, ("identified_model",))
+    assert merged.specimen == config.specimen
+    assert merged.identified_model.servo_real_pole == 44.0
+    short = ("--set", "ground_motion.duration=1.0", "--json")
+    told = [run_main("simulate", CONFIG, "--scheme", "mpic", *o, *short) for o in ((), ("--identified", model))]
+    assert [status for status, _, _ in told] == [0, 0]
+    assert json.loads(told[0][1])["rmse_percent"] != json.loads(told[1][1])["rmse_percent"]
+
+
+def test_file_without_an_identified_model_is_refused(run_main, tmp_path):
+    model = tmp_path / "model.yaml"
+    model.write_text("/**:\n  ros__parameters:\n    command_shaper: {lead_time: 0.02}\n")
+    status, _, errors = run_main("simulate", CONFIG, "--identified", model)
+    assert (status, errors) == (2, f"error: {model}: no section identified_model; it has command_shaper\n")
 
 
 def test_later_model_and_set_win(run_main, tmp_path):
@@ -91,7 +116,7 @@ def test_wrong_bag_and_options_that_would_say_how_to_move_are_refused(run_main, 
 def test_table_for_a_person(run_main):
     status, output, _ = run_main("identify", CONFIG, *SHORT, "--order", 3)
     assert status == 0
-    for text in ("delay alpha", "coherence", "mode 2", "story 1", "largest acceleration"):
+    for text in ("delay alpha", "mode 2", "story 1", "both together", "platen mass", "shear 2", "largest acceleration"):
         assert text in output
 
 
@@ -99,7 +124,7 @@ def test_only_what_is_asked_for(run_main):
     _, output, _ = run_main("identify", CONFIG, *SHORT, "--what", "specimen", "--json")
     assert "order" not in json.loads(output)
     _, output, _ = run_main("identify", CONFIG, *SHORT, "--what", "table", "--order", 3, "--json")
-    assert "specimen" not in json.loads(output)
+    assert {"specimen", "identified_model"}.isdisjoint(json.loads(output))
 
 
 def test_command_over_the_safety_limit_has_status_1(run_main):

@@ -125,6 +125,7 @@ COMPENSATORS = (
         "Inverse of the identified table with a Bessel low-pass",
         "The identified table, without zeros in the right half-plane; takes no preview",
         shaper=make_inverse,
+        learns=False,
         settings=InverseConfig,
     ),
 )

@@ -177,6 +177,7 @@ COMPENSATORS = tuple(
         needs="The delay of the table, command_shaper.lead_time" if scheme.phase_lead else "Nothing",
         shaper=_phase_lead if scheme.phase_lead else _no_lead,
         force_correction=scheme.force_correction,
+        learns=False,
         settings=CommandShaperConfig,
     )
     for scheme, summary in _SUMMARIES.items()

@@ -242,6 +242,8 @@ class Compensator:
         Makes the `InterfaceControl`, in place of numerical substructure and shaper. One of the two is required.
     force_correction : bool
         The unbalanced force is corrected; only with a shaper.
+    learns : bool
+        The shaper takes in measurements. Without it the command shaper gets none on the ROS graph.
     settings : type, optional
         Frozen dataclass of its parameters, a section of the configuration as `parameters` has it.
     """
@@ -252,4 +254,5 @@ class Compensator:
     shaper: Callable[[Known], Shaper] | None = None
     control: Callable[[Known], InterfaceControl] | None = None
     force_correction: bool = False
+    learns: bool = True
     settings: type | None = None

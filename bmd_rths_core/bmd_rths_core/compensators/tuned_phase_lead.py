@@ -123,6 +123,7 @@ COMPENSATORS = (
         "Phase lead (Eq. 10), weights and lead time from a search on the identified table",
         "The identified table; takes no preview",
         shaper=make_tuned_phase_lead,
+        learns=False,
         settings=TunedPhaseLeadConfig,
     ),
 )

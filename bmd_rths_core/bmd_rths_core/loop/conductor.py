@@ -65,7 +65,7 @@ class NumericalStage(Protocol):
 
     @property
     def takes_feedback(self) -> bool:
-        """True when the shear fed back acts on it; an interface control knows better."""
+        """True when the shear fed back acts on it; an interface control knows better, and needs the measurement."""
 
     @property
     def displacements(self) -> NDArray[np.float64]:
@@ -225,7 +225,7 @@ class Conductor:
         self.action = Action.RAMP
         self.step = 0
         self._ready_peers: set[str] = set()
-        self._feedback, self._fed_back = 0.0, -1
+        self._feedback, self._fed_back, self._measured = 0.0, -1, -1
         self._due = self._look_due = math.inf
         self._recorded_steps = 0
         self._closed = self._waits_for_recorder = False
@@ -306,9 +306,25 @@ class Conductor:
             return
         # A shear that comes too late is a missed deadline, but still newer than the one that is held.
         self._feedback, self._fed_back = force, step
-        if self.deadlines.closed(step, now) and self._lockstep:
-            self._closed = True
-            self._due = now
+        if self._numerical.takes_feedback or self._measured == step:
+            self._close(step, now)
+
+    def measured(self, measurement: TableMeasurement, now: float) -> None:
+        """Take what the sensors said at the end of a step; an interface control begins the next one with it.
+
+        Parameters
+        ----------
+        measurement : TableMeasurement
+            Of a step that is begun.
+        now : float
+            Time [s].
+        """
+        if self.state is not NodeState.RUNNING or measurement.step < self._measured:
+            return
+        self._numerical.learn(measurement)
+        self._measured = measurement.step
+        if not self._numerical.takes_feedback and self._fed_back == self._measured:
+            self._close(self._measured, now)
 
     def end(self, outcome: Outcome, reason: str, now: float) -> None:
         """End the test.
@@ -399,6 +415,12 @@ class Conductor:
         self._schedule(step, now)
         desired, required = response.desired_acceleration, response.required_force
         self._on_step(Begun(step, ground_acceleration, desired, required, response.command))
+
+    def _close(self, step: int, now: float) -> None:
+        """Close a step: everything that the next one begins with is there."""
+        if self.deadlines.closed(step, now) and self._lockstep:
+            self._closed = True
+            self._due = now
 
     def _schedule(self, step: int, now: float) -> None:
         """Set when the next step is due, and with it the deadline of this one."""

@@ -46,5 +46,6 @@ class ControlStage:
         return self._control.step(self._ground[begin : begin + self._length])
 
     def learn(self, measurement: TableMeasurement) -> None:
-        """Pass the sensors on."""
-        self._control.learn(measurement)
+        """Pass the sensors on, unless they come too late for the step that follows them."""
+        if measurement.step == self._step - 1:
+            self._control.learn(measurement)

@@ -5,24 +5,30 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.compensators.protocol import LinearControl
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.loop.build import make_force_correction, make_interface_control
 from bmd_rths_core.loop.linear_loop import ClosedLoop, output_names, sensor_noise
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
 
 
-def controlled_loop(config: Config) -> ClosedLoop:
+def controlled_loop(config: Config, mass_factor: float = 1.0, linear: LinearControl | None = None) -> ClosedLoop:
     """Assemble the loop of a configuration whose compensator owns the numerical substructure.
 
     Parameters
     ----------
     config : Config
         The whole configuration; limits do not matter here.
+    mass_factor : float
+        Masses of the real specimen over those that are known; stiffness and damping stay.
+    linear : LinearControl, optional
+        The control of this configuration, where it has been designed already.
 
     Returns
     -------
@@ -35,17 +41,22 @@ def controlled_loop(config: Config) -> ClosedLoop:
         The control refuses what is known, or is not linear.
     """
     specimen, step = config.specimen.building(), config.run.time_step
-    control = make_interface_control(config)
-    linear = None if control is None else control.state_space()
-    if control is not None and linear is None and hasattr(control, "held"):
-        linear = control.held()
-    if control is None or linear is None:
+    control = make_interface_control(config) if linear is None else None
+    if control is not None:
+        linear = control.state_space()
+        if linear is None and hasattr(control, "held"):
+            linear = control.held()
+    if linear is None:
         raise InputError(f"run.scheme: {config.run.scheme} is not linear; there are no matrices of its loop")
     own = linear.system
-    table = SimulatedTable(config.simulated_table, specimen, step, config.run.seed).state_space(displacement=True)
+    real = ShearBuilding(
+        tuple(mass_factor * mass for mass in specimen.masses), specimen.stiffnesses, specimen.damping_coefficients
+    )
+    table = SimulatedTable(config.simulated_table, real, step, config.run.seed).state_space(displacement=True)
     estimator = estimator_state_space(config.shear_estimator, specimen, step)
     correction = make_force_correction(config).state_space()
-    sensors, preview, floors = len(table.c), control.preview, specimen.stories
+    sensors, floors = len(table.c), specimen.stories
+    preview = own.b.shape[1] - sensors - 1
     if preview < 1 or own.d[1, preview] != 0.0:
         raise InputError(f"run.scheme: the force of {config.run.scheme} has to be known a step ahead")
     sizes = (len(own.a), sensors, len(table.a), preview, len(estimator.a))

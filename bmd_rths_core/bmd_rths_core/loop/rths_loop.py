@@ -138,7 +138,7 @@ class RthsLoop:
 
     def _on_measurement(self, measurement: TableMeasurement) -> None:
         step, signals = measurement.step, self._signals
-        self._numerical.learn(measurement)
+        self.conductor.measured(measurement, self._clock.now())
         self._command_shaper.learn(measurement)
         shear = self._shear_estimator.step(measurement)
         feedback = self._force_correction.step(self._required.pop(step), shear)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bmd_rths_core.compensators.schemes import PHASE_LEAD
+from bmd_rths_core.compensators.schemes import PHASE_LEAD, SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
@@ -46,6 +46,11 @@ class AnalysisOptions:
     modes: int | str = ALL
     feedback_delay_steps: int = 0
     measured_table: MeasuredResponse | None = None
+
+
+def has_continuous_loops(config: Config) -> bool:
+    """Tell whether the compensator is one of the paper's, whose transfer functions are known."""
+    return config.run.scheme in SCHEME_NAMES
 
 
 def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction:

@@ -5,6 +5,8 @@
 - *continuous_complete*: the same scheme and table, every mode of both substructures with the damping that couples them,
   and the one step between shear and feedback that the loop really has;
 - *discrete*: the loop as it is run, all its stages, from one step to the next.
+
+The first two exist for the compensators of the paper, and are not applicable to others.
 """
 
 from __future__ import annotations
@@ -15,13 +17,15 @@ import numpy as np
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.loop.closed_loop import closed_loop
-from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
-from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, StabilityMargin
-from bmd_rths_core.stability.discrete import (
-    configured_mass_ratio,
-    discrete_margin,
-    with_feedback_scale,
+from bmd_rths_core.stability.analysed_loops import (
+    AnalysisOptions,
+    complete_loop,
+    has_continuous_loops,
+    paper_loop,
 )
+from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, StabilityMargin
+from bmd_rths_core.stability.controlled import controlled_margin
+from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_feedback_scale
 
 
 @dataclass(frozen=True)
@@ -65,34 +69,40 @@ class Assessment:
         ρ of Eq. 8 with the share of the shear that is fed back.
     whole_mass_ratio : float
         ρ with the whole shear fed back.
-    continuous, continuous_complete : Analysis
-        See the module.
+    continuous, continuous_complete : Analysis or None
+        See the module; None where they are not applicable, because the compensator is none of the paper's.
     discrete : DiscreteAnalysis or None
         None when it could not be made.
     discrete_reason : str
         Why it could not be made; empty otherwise.
     unknown_modes : str
         Text that says why the table is not known well enough for a verdict; empty otherwise.
+    owner : str
+        Name of the compensator where it owns the interface: its mass ratios are those of the real specimen, and the
+        share of the shear is part of its design. Empty otherwise.
     """
 
     mass_ratio: float
     whole_mass_ratio: float
-    continuous: Analysis
-    continuous_complete: Analysis
+    continuous: Analysis | None
+    continuous_complete: Analysis | None
     discrete: DiscreteAnalysis | None
     discrete_reason: str
     unknown_modes: str = ""
+    owner: str = ""
 
     @property
     def analyses(self) -> dict[str, Analysis]:
         """Those that could be made, by name."""
-        made = {"continuous": self.continuous, "continuous_complete": self.continuous_complete}
-        return made if self.discrete is None else {**made, "discrete": self.discrete}
+        names = ("continuous", "continuous_complete", "discrete")
+        analyses = zip(names, (self.continuous, self.continuous_complete, self.discrete), strict=True)
+        return {name: analysis for name, analysis in analyses if analysis is not None}
 
     @property
     def go(self) -> bool:
         """True when every analysis that could be made is stable as configured, and the table is known well enough."""
-        return not self.unknown_modes and all(analysis.stable for analysis in self.analyses.values())
+        made = self.analyses.values()
+        return bool(made) and not self.unknown_modes and all(analysis.stable for analysis in made)
 
     @property
     def gain_margins(self) -> dict[str, float]:
@@ -102,7 +112,12 @@ class Assessment:
 
     @property
     def largest_feedback_scale(self) -> float:
-        """Largest share of the shear for which all analyses are stable, 1 at most; 0 when there is none."""
+        """Largest share of the shear for which all analyses are stable, 1 at most; 0 when there is none.
+
+        NaN where the compensator owns the interface, or no analysis could be made.
+        """
+        if self.owner or not self.analyses:
+            return float("nan")
         whole = _mass_quotient(self.whole_mass_ratio)
         shares = [
             [
@@ -126,6 +141,10 @@ class Assessment:
         """Sentence that states the verdict and the numbers it rests on."""
         if self.unknown_modes:
             return f"NO-GO: {self.unknown_modes}"
+        if not self.analyses:
+            return f"NO-GO: no analysis could be made: {self.discrete_reason}"
+        if self.owner:
+            return self._verdict_of_owner()
         if not self.go:
             unstable = {name: analysis for name, analysis in self.analyses.items() if not analysis.stable}
             share = self.largest_feedback_scale
@@ -144,6 +163,19 @@ class Assessment:
         return (
             f"GO: mass ratio {self.mass_ratio:.3f} is below the allowable {_listed(self.analyses)}; "
             f"the shear could be {min(self.gain_margins.values()):.2f} times as large"
+        )
+
+    def _verdict_of_owner(self) -> str:
+        analysis = self.discrete
+        if analysis is None or not analysis.stable:
+            radius = "" if analysis is None else f" (spectral radius {analysis.spectral_radius:.6f})"
+            return f"NO-GO: the loop of {self.owner} is not stable at mass ratio {self.mass_ratio:.3f}{radius}"
+        interval, configured = analysis.margin.stable_intervals[0], _mass_quotient(self.mass_ratio)
+        lower, upper = (_mass_quotient(end) / configured for end in interval[:2])
+        return (
+            f"GO: the loop of {self.owner} is stable at mass ratio {self.mass_ratio:.3f}, and with a real specimen of "
+            f"{lower:.2f}{_at(interval.lower_frequency)} to {upper:.2f}{_at(interval.upper_frequency)} times the mass "
+            "that is known"
         )
 
 
@@ -169,15 +201,17 @@ def assess(config: Config, options: AnalysisOptions) -> Assessment:
     ratio, whole = configured_mass_ratio(config), configured_mass_ratio(with_feedback_scale(config, 1.0))
     # A numerical substructure that is next to nothing is examined too.
     largest = max(LARGEST_MASS_RATIO, 0.5 * (1.0 + whole))
-    discrete, reason = _discrete(config, options, largest)
+    discrete, reason = _discrete(config, options, ratio, largest)
+    paper = has_continuous_loops(config)
     return Assessment(
         ratio,
         whole,
-        _continuous(paper_loop(config, options), ratio, largest),
-        _continuous(complete_loop(config, options), ratio, largest),
+        _continuous(paper_loop(config, options), ratio, largest) if paper else None,
+        _continuous(complete_loop(config, options), ratio, largest) if paper else None,
         discrete,
         reason,
         _unknown_modes(config, options),
+        config.run.scheme if config.compensator.control is not None else "",
     )
 
 
@@ -186,11 +220,17 @@ def _continuous(loop: LoopTransferFunction, ratio: float, largest: float) -> Ana
     return Analysis(margin, any(i.lower < ratio < i.upper for i in margin.stable_intervals))
 
 
-def _discrete(config: Config, options: AnalysisOptions, largest: float) -> tuple[DiscreteAnalysis | None, str]:
+def _discrete(
+    config: Config, options: AnalysisOptions, ratio: float, largest: float
+) -> tuple[DiscreteAnalysis | None, str]:
     if options.measured_table is not None:
         return None, "a measured frequency response of the table cannot be advanced step by step"
     radius = closed_loop(config).spectral_radius
-    return DiscreteAnalysis(discrete_margin(config, largest), radius < 1.0, radius), ""
+    if config.compensator.control is not None:
+        margin = controlled_margin(config, ratio, largest)
+    else:
+        margin = discrete_margin(config, largest)
+    return DiscreteAnalysis(margin, radius < 1.0, radius), ""
 
 
 def _unknown_modes(config: Config, options: AnalysisOptions) -> str:

@@ -10,7 +10,8 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.linear_loop import ClosedLoop
 from bmd_rths_core.stability.continuous import StabilityMargin
-from bmd_rths_core.stability.discrete import with_mass_ratio
+from bmd_rths_core.stability.controlled import loop_at_mass_ratio
+from bmd_rths_core.stability.discrete import configured_mass_ratio, with_mass_ratio
 
 #: Parts of the margin at which the loop is simulated.
 BELOW, ABOVE = 0.99, 1.01
@@ -53,11 +54,18 @@ def confirm(config: Config, margin: StabilityMargin) -> Confirmation:
     ratio = margin.allowable_mass_ratio
     if ratio == 0.0:
         return Confirmation(np.nan, np.nan, None)
-    below = free_growth(closed_loop(with_mass_ratio(config, BELOW * ratio)))
+    below = free_growth(_loop(config, BELOW * ratio))
     if np.isnan(margin.critical_frequency):
         return Confirmation(below, np.nan, below < 1.0)
-    above = free_growth(closed_loop(with_mass_ratio(config, ABOVE * ratio)))
+    above = free_growth(_loop(config, ABOVE * ratio))
     return Confirmation(below, above, below < 1.0 < above)
+
+
+def _loop(config: Config, ratio: float) -> ClosedLoop:
+    """Return the loop at another mass ratio: of the numerical substructure, or of the specimen under a control."""
+    if config.compensator.control is None:
+        return closed_loop(with_mass_ratio(config, ratio))
+    return loop_at_mass_ratio(config, configured_mass_ratio(config), ratio)
 
 
 def free_growth(loop: ClosedLoop) -> float:

@@ -19,7 +19,7 @@ from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.parameters import specs
-from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop
+from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, has_continuous_loops, paper_loop
 from bmd_rths_core.stability.assessment import Assessment, assess
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH
 
@@ -173,8 +173,9 @@ def _effect(base: Assessment, changes: list[ChangedParameter]) -> float:
 
 def _probe(config: Config, options: AnalysisOptions) -> NDArray[np.complex128]:
     """Return numbers that are the same, to the last bit, for configurations with the same loop."""
-    loops = (paper_loop(config, options), complete_loop(config, options))
+    paper = has_continuous_loops(config)
+    loops = (paper_loop(config, options), complete_loop(config, options)) if paper else ()
     numbers = [loop.response(_PROBE, 0.5) for loop in loops]
     if options.measured_table is None:
         numbers.append(closed_loop(config).system.a.ravel().astype(complex))
-    return np.concatenate(numbers)
+    return np.concatenate(numbers) if numbers else np.zeros(0, dtype=complex)

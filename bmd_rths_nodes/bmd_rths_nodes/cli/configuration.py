@@ -33,6 +33,8 @@ class ConfigChoice:
         Options of the command line. A table is the name of a controller, or the address of the udp controller.
     models : tuple of str
         Files whose parameters replace those of the configuration file, a later one those of an earlier one.
+    identified : str, optional
+        File of which only the section `identified_model` counts.
     settings : tuple of str
         ``section.key=value``.
     dt : float, optional
@@ -48,6 +50,7 @@ class ConfigChoice:
     dt: float | None = None
     table: str | None = None
     models: tuple[str, ...] = ()
+    identified: str | None = None
     settings: tuple[str, ...] = ()
 
     def resolve(self, **changes: object) -> Config:
@@ -87,6 +90,8 @@ class ConfigChoice:
         resolved = load_config(_config_path(self.config))
         for model in self.models:
             resolved = resolved.merged(model)
+        if self.identified is not None:
+            resolved = resolved.merged(self.identified, ("identified_model",))
         resolved = resolved.changed(**changes)
         record = resolved.ground_motion.record
         if record in shipped_records():
@@ -172,13 +177,18 @@ model_option = click.option(
     metavar="FILE",
     help="Parameters over those of the configuration, as `bmd-rths identify` writes them; may be repeated.",
 )
+identified_option = click.option(
+    "--identified",
+    metavar="FILE",
+    help="Only what compensators know of such a file (identified_model); table and specimen stay what they are.",
+)
 set_option = click.option(
     "--set", "settings", multiple=True, metavar="SECTION.KEY=VALUE", help="Any other parameter; repeatable."
 )
 
 
 def configured(*names: str, default: str | None = None) -> Callable[[Command], Command]:
-    """Add CONFIG, ``--model``, ``--set`` and given options to a command, which gets them as a `ConfigChoice`.
+    """Add CONFIG, ``--model``, ``--identified``, ``--set`` and given options to a command, as a `ConfigChoice`.
 
     Parameters
     ----------
@@ -196,13 +206,14 @@ def configured(*names: str, default: str | None = None) -> Callable[[Command], C
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
         def with_choice(config: str, models: tuple[str, ...], settings: tuple[str, ...], **options: Any) -> Any:
-            chosen = {name: options.pop(name) for name in names}
+            chosen = {name: options.pop(name) for name in (*names, "identified")}
             return command(ConfigChoice(config, models=models, settings=settings, **chosen), **options)
 
         decorators = (
             click.argument("config", metavar="CONFIG" if default is None else "[CONFIG]", default=default),
             *(_OPTIONS[name] for name in names),
             model_option,
+            identified_option,
             set_option,
         )
         for decorator in reversed(decorators):

@@ -64,7 +64,8 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, assume
             means[line][name, result["scheme"]].add(result, name)
         if not varied:
             _add(rows, result)
-    schemes = [s for s in SCHEME_NAMES if any((name, s) in entry for entry in means.values() for name in PAPER_TABLES)]
+    found = {scheme for entry in means.values() for _, scheme in entry}
+    schemes = [*(s for s in SCHEME_NAMES if s in found), *sorted(found.difference(SCHEME_NAMES))]
     console = Console()
     console.width = max(console.width, _WIDTH)
     for name in PAPER_TABLES:
@@ -73,7 +74,7 @@ def show_error_tables(results: Iterable[Mapping[str, Any]], varied: bool, assume
             table.add_row(*(Text(cell) for cell in _cells(row, name, schemes)))
         for line, entry in means.items():
             label = ", ".join(f"{key}={value}" for key, value in json.loads(line).items()) if line else "mean"
-            cells = (f"{entry[name, s]} ({paper_mean(PAPER_TABLES[name], s):.2f})" for s in schemes)
+            cells = (f"{entry[name, s]}{_paper_mean(name, s)}" for s in schemes)
             table.add_row(Text(label), *(["(paper: all)"] if not varied else [""]), *cells, style="bold")
         console.print(table)
     click.echo(_NOTE)
@@ -110,7 +111,7 @@ def _table(name: str, schemes: Iterable[str]) -> Table:
     table.add_column("ground motion", no_wrap=True)
     table.add_column("event")
     for scheme in schemes:
-        table.add_column(f"{scheme} (paper)", justify="right")
+        table.add_column(f"{scheme} (paper)" if scheme in SCHEME_NAMES else scheme, justify="right")
     return table
 
 
@@ -119,8 +120,13 @@ def _cells(row: Mapping[str, Any], name: str, schemes: Iterable[str]) -> Iterabl
     yield row["event"] or ""
     for scheme in schemes:
         ours = row[scheme][name] if scheme in row else ""
-        paper = f" ({_percent(PAPER_TABLES[name][row['event']][scheme])})" if row["event"] else ""
+        known = row["event"] and scheme in SCHEME_NAMES
+        paper = f" ({_percent(PAPER_TABLES[name][row['event']][scheme])})" if known else ""
         yield ours + paper
+
+
+def _paper_mean(name: str, scheme: str) -> str:
+    return f" ({paper_mean(PAPER_TABLES[name], scheme):.2f})" if scheme in SCHEME_NAMES else ""
 
 
 def _cell(result: Mapping[str, Any], name: str) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bmd_rths_core.config import Config
     from bmd_rths_core.identification.excitation import ExcitationSettings
     from bmd_rths_core.identification.excited_table import Responses
+    from bmd_rths_core.identification.joint_model import JointModel
     from bmd_rths_core.identification.specimen_model import SpecimenModel
     from bmd_rths_core.identification.table_model import TableModel
 
@@ -67,7 +68,8 @@ def identify(
     """Identify the table, its delay and the specimen on it.
 
     Moves the table with noise or a sweep of limited acceleration, from rest to rest, and fits models to the measured
-    accelerations. Begin with a small amplitude: a resonance multiplies it. With --bag nothing moves.
+    accelerations; where both are identified, they are fitted together too, which is the model that compensators know.
+    Begin with a small amplitude: a resonance multiplies it. With --bag nothing moves.
     """
     from bmd_rths_core.identification.excitation import ExcitationSettings
     from bmd_rths_core.identification.excited_table import DrivingStopped, responses_of
@@ -95,7 +97,7 @@ def identify(
     except DrivingStopped as error:
         log(f"error: {error}")
         return 1
-    table, specimen = _identified(responses, resolved, what, _radians(band), _radians(delay_band), fixed_order)
+    table, specimen, joint = _identified(responses, resolved, what, _radians(band), _radians(delay_band), fixed_order)
     result: dict[str, Any] = {"what": what, "source": responses.source if bag is not None else _words(excited)}
     if bag is None and responses.source != "driven":
         result["source"] += f" ({responses.source.removeprefix('driven; ')})"
@@ -106,7 +108,9 @@ def identify(
         result["delay"]["band_hz"] = list(delay_band)
     if specimen is not None:
         result["specimen"] = specimen.summary()
-    result["files"] = _write(output, frf, table, specimen, result)
+    if joint is not None:
+        result["identified_model"] = joint.summary()
+    result["files"] = _write(output, frf, (table, specimen, joint), result)
     _show(result, as_json)
     return 0
 
@@ -176,27 +180,31 @@ def _identified(
     band: tuple[float, float],
     delay_band: tuple[float, float],
     order: int | None,
-) -> tuple[TableModel | None, SpecimenModel | None]:
+) -> tuple[TableModel | None, SpecimenModel | None, JointModel | None]:
+    from bmd_rths_core.identification.joint_model import identify_joint
     from bmd_rths_core.identification.specimen_model import identify_specimen
     from bmd_rths_core.identification.table_model import identify_table
 
-    table = specimen = None
+    table = specimen = joint = None
     with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
         if what != "specimen":
             task = progress.add_task("fitting the table", total=None)
             table = identify_table(responses, band, delay_band, order)
             progress.remove_task(task)
         if what != "table":
-            progress.add_task("fitting the specimen", total=None)
+            task = progress.add_task("fitting the specimen", total=None)
             specimen = identify_specimen(responses, config.specimen.masses, band)
-    return table, specimen
+            progress.remove_task(task)
+        if table is not None and specimen is not None:
+            progress.add_task("fitting both together", total=None)
+            joint = identify_joint(responses, table, specimen, band)
+    return table, specimen, joint
 
 
 def _write(
     output: Path | None,
     frf: Path | None,
-    table: TableModel | None,
-    specimen: SpecimenModel | None,
+    models: tuple[TableModel | None, SpecimenModel | None, JointModel | None],
     result: dict[str, Any],
 ) -> dict[str, str]:
     """Write model and frequency response where they were asked for, and return the files."""
@@ -206,11 +214,12 @@ def _write(
     try:
         if output is not None:
             parameters: dict[str, dict[str, Any]] = {}
-            for model in (table, specimen):
+            for model in models:
                 for name, values in model.parameters().items() if model is not None else ():
                     parameters.setdefault(name, {}).update(values)
             output.write_text(model_text(parameters, _remarks(result)), encoding="utf-8")
             files["output"] = str(output)
+        table = models[0]
         if frf is not None and table is not None:
             frf.write_text(frequency_response_text(table.measured), encoding="utf-8")
             files["frf"] = str(frf)
@@ -236,7 +245,15 @@ def _remarks(result: dict[str, Any]) -> list[str]:
         )
     if "specimen" in result:
         remarks.append(f"Specimen: the masses were given; coherence {_coherence(result['specimen']['coherence'])}.")
+    if "identified_model" in result:
+        together = result["identified_model"]
+        remarks.append(f"Both together: {_structure(together)}, fit error {together['fit_error_percent']:.2f} %.")
     return remarks
+
+
+def _structure(together: dict[str, Any]) -> str:
+    servo = together["table"] == "interacting_servo"
+    return "a servo that the specimen pulls at" if servo else "a table of sections"
 
 
 def _show(result: dict[str, Any], as_json: bool) -> None:
@@ -261,11 +278,29 @@ def _show(result: dict[str, Any], as_json: bool) -> None:
             damping = f"{found['damping_coefficients'][i]:.0f} ± {found['damping_deviations'][i]:.0f} N s/m"
             table.add_row(f"story {i + 1}, {found['masses'][i]:g} kg", f"{stiffness}, {damping}")
         table.add_row("coherence, specimen", _coherence(found["coherence"]))
+    if "identified_model" in result:
+        _show_together(table, result["identified_model"])
     largest = result["largest_acceleration"]
     table.add_row("largest acceleration", f"table {largest['table']:.2f}, floors {largest['floors']:.2f} m/s2")
     Console(soft_wrap=True).print(table)
     for file in result["files"].values():
         click.echo(file)
+
+
+def _show_together(table: Table, found: dict[str, Any]) -> None:
+    table.add_row("both together", f"{_structure(found)}, fit error {found['fit_error_percent']:.2f} %")
+    for name, value in found["servo"].items():
+        table.add_row(name.replace("_", " "), f"{value:.4g} ± {found['servo_deviations'][name]:.2g}")
+    for i, stiffness in enumerate(found["stiffnesses"]):
+        spread = f"{stiffness:.0f} ± {found['stiffness_deviations'][i]:.0f} N/m"
+        damping = f"{found['damping_coefficients'][i]:.0f} ± {found['damping_deviations'][i]:.0f} N s/m"
+        table.add_row(f"story {i + 1}, together", f"{spread}, {damping}")
+    units = {"acceleration_noise": (1.0, "m/s2"), "displacement_noise": (1e3, "mm"), "shear_noise": (1.0, "N")}
+    noise = ", ".join(
+        f"{name.removesuffix('_noise')} {units[name][0] * value:.3g} {units[name][1]}"
+        for name, value in found["noise"].items()
+    )
+    table.add_row("noise of the sensors", noise)
 
 
 def _fit(result: dict[str, Any]) -> str:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
@@ -68,8 +67,6 @@ def run(
         resolved = resolved.changed(run__lockstep=True)
     if override_preflight:
         resolved = resolved.changed(run__preflight="override")
-    if resolved.compensator.control is not None:
-        raise InputError(f"run.scheme: {resolved.run.scheme} runs in process only; the nodes do not have it yet")
     make_table_controller(resolved)  # refuses what is wrong before any process is started; nothing is connected
     motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     folder = output if output is not None else Path(resolved.recorder.directory)

@@ -84,7 +84,7 @@ def stability(
     Three analyses stand side by side: Eqs. 7 and 8 of the paper, the same with all modes and the delay of the loop,
     and the eigenvalues of the loop as it is run, confirmed in the time domain. The exit status is 0 for both verdicts.
     """
-    from bmd_rths_core.stability.analysed_loops import AnalysisOptions, sweep
+    from bmd_rths_core.stability.analysed_loops import AnalysisOptions, has_continuous_loops, sweep
     from bmd_rths_core.stability.assessment import assess
     from bmd_rths_core.stability.confirmation import confirm
 
@@ -92,6 +92,8 @@ def stability(
     options = AnalysisOptions(int(modes) if modes.removeprefix("-").isdecimal() else modes, feedback_delay, measured)
     assessment = assess(resolved, options)
     confirmation = None if assessment.discrete is None else confirm(resolved, assessment.discrete.margin)
+    if with_sweep and not has_continuous_loops(resolved):
+        raise InputError(f"--sweep: only for the schemes of the paper; {resolved.run.scheme} has no transfer function")
     curve = sweep(resolved, options) if with_sweep else None
     entries = _sensitivity(resolved, options) if with_sensitivity else []
     if as_json:
@@ -171,16 +173,19 @@ def _as_mapping(assessment: Assessment, confirmation: Confirmation | None) -> di
             "growth_per_step_above": confirmation.growth_above,
             "confirmed": confirmation.confirmed,
         }
-    continuous = _analysis(assessment.continuous)
+    first = assessment.continuous or assessment.discrete
+    headline = dict.fromkeys(("allowable_mass_ratio", "critical_frequency_rad_s", "stable"))
     return {
         "mass_ratio": assessment.mass_ratio,
         "whole_mass_ratio": assessment.whole_mass_ratio,
-        **{key: continuous[key] for key in ("allowable_mass_ratio", "critical_frequency_rad_s", "stable")},
+        **(headline if first is None else {key: _analysis(first)[key] for key in headline}),
         "verdict": _verdict(assessment),
         "verdict_text": assessment.verdict_text,
         "largest_feedback_scale": assessment.largest_feedback_scale,
-        "continuous": continuous,
-        "continuous_complete": _analysis(assessment.continuous_complete),
+        "continuous": None if assessment.continuous is None else _analysis(assessment.continuous),
+        "continuous_complete": (
+            None if assessment.continuous_complete is None else _analysis(assessment.continuous_complete)
+        ),
         "discrete": discrete,
         "discrete_reason": assessment.discrete_reason or None,
     }
@@ -228,7 +233,9 @@ def _show_analyses(console: Console, assessment: Assessment, confirmation: Confi
     for title in _COLUMNS:
         table.add_column(title)
     analyses = [assessment.continuous, assessment.continuous_complete, assessment.discrete]
-    table.add_row("verdict", *("not made" if a is None else "stable" if a.stable else "UNSTABLE" for a in analyses))
+    not_made = ("not applicable", "not applicable", "not made")
+    verdicts = (_stable(analysis, word) for analysis, word in zip(analyses, not_made, strict=True))
+    table.add_row("verdict", *verdicts)
     table.add_row("allowable mass ratio", *(_ratio(a) for a in analyses))
     table.add_row("critical frequency", *("" if a is None else _hertz(a.margin.critical_frequency) for a in analyses))
     table.add_row("stable mass ratios", *("" if a is None else _intervals(a) for a in analyses))
@@ -276,6 +283,10 @@ def _change(changed: ChangedParameter) -> str:
         return "not allowed"
     ratios = " ".join(f"{a.margin.allowable_mass_ratio:.3f}" for a in changed.assessment.analyses.values())
     return f"{ratios} {_verdict(changed.assessment).upper()}!" if changed.flips_verdict else ratios
+
+
+def _stable(analysis: Analysis | None, not_made: str) -> str:
+    return not_made if analysis is None else "stable" if analysis.stable else "UNSTABLE"
 
 
 def _ratio(analysis: Analysis | None) -> str:

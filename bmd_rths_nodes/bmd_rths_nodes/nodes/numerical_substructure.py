@@ -1,4 +1,7 @@
-"""Numerical substructure: the clock of the loop. Corrected shear in, desired acceleration and required force out."""
+"""Numerical substructure: the clock of the loop. Corrected shear in, desired acceleration and required force out.
+
+A compensator that owns it gets the measurement too, and sends the command with the desired acceleration.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop.build import make_numerical_substructure, make_stability_indicator
+from bmd_rths_core.loop.build import make_numerical_stage, make_stability_indicator
 from bmd_rths_core.loop.conductor import Begun, Conductor, Peer
 from bmd_rths_core.loop.states import NodeState, Outcome
+from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.topics import (
     CORRECTED_FORCE,
     DESIRED_ACCELERATION,
     GROUND_ACCELERATION,
+    MEASUREMENT,
     NUMERICAL_SUBSTRUCTURE,
     RECORDER,
     REQUIRED_FORCE,
@@ -26,6 +30,7 @@ from bmd_rths_msgs_py.topics import (
 )
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.agreement import with_motion
+from bmd_rths_nodes.ros.messages import owns_the_interface
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
@@ -46,13 +51,11 @@ class NumericalSubstructureNode(StageNode):
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
-        if config.compensator.control is not None:
-            raise InputError(f"run.scheme: {config.run.scheme} runs in process only; the nodes do not have it yet")
         self._motion = motion = select_ground_motion(config.ground_motion, config.run.time_step)
         self._stability_indicator = make_stability_indicator(config)
         self._conductor = Conductor(
             motion.acceleration.tolist(),
-            make_numerical_substructure(config),
+            make_numerical_stage(config, motion.acceleration),
             self._stability_indicator,
             config.run.time_step,
             config.run.lockstep,
@@ -64,6 +67,9 @@ class NumericalSubstructureNode(StageNode):
         self._send_desired_acceleration = self.publish_to(DESIRED_ACCELERATION)
         self._send_required_force = self.publish_to(REQUIRED_FORCE)
         self._send_ground_acceleration = self.publish_to(GROUND_ACCELERATION)
+        self._makes_command = owns_the_interface(config)
+        if self._makes_command:
+            self.subscribe_to(MEASUREMENT, self._on_measurement, begins_test=False)
         self.subscribe_to(CORRECTED_FORCE, self._on_corrected_force)
         self._misses_told = 0
 
@@ -133,9 +139,13 @@ class NumericalSubstructureNode(StageNode):
         return due
 
     def _on_step(self, begun: Begun) -> None:
-        self._send_desired_acceleration(begun.step, begun.desired_acceleration)
+        desired = begun.desired_acceleration
+        self._send_desired_acceleration(begun.step, (desired, begun.command) if self._makes_command else desired)
         self._send_required_force(begun.step, begun.required_force)
         self._send_ground_acceleration(begun.step, begun.ground_acceleration)
+
+    def _on_measurement(self, step: int, measurement: TableMeasurement) -> None:
+        self._conductor.measured(measurement, time.perf_counter())
 
     def _on_corrected_force(self, step: int, force: float) -> None:
         self._conductor.shear(step, force, time.perf_counter())

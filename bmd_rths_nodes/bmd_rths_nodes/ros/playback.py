@@ -29,7 +29,7 @@ from bmd_rths_msgs_py.topics import (
     REQUIRED_FORCE,
 )
 from bmd_rths_nodes.ros import qos
-from bmd_rths_nodes.ros.messages import codec_of, message_class
+from bmd_rths_nodes.ros.messages import codec_of, message_class, owns_the_interface
 from bmd_rths_nodes.ros.spin import LONGEST_WAIT, WAKE_UP_MARGIN
 from bmd_rths_nodes.run.monitor import DISCOVERY_TIME, RunMonitor
 
@@ -92,7 +92,7 @@ class Playback:
         for topic in PLAYED_TOPICS:
             publisher = self._node.create_publisher(message_class(topic), topic.name, qos.PUBLISHER)
             self._publishers.append(publisher)
-            value_at = _values_of(record, topic.name)
+            value_at = _values_of(record, topic.name, with_command=owns_the_interface(config))
             self._senders.append((publisher.publish, partial(self._packed, codec_of(topic, config).pack, value_at)))
         self._subscriptions = [
             self._node.create_subscription(
@@ -223,10 +223,13 @@ class Playback:
         return on_message
 
 
-def _values_of(record: RunRecord, name: str) -> Callable[[int], Any]:
-    """Return a function that has the recorded value of a step, or None."""
+def _values_of(record: RunRecord, name: str, with_command: bool) -> Callable[[int], Any]:
+    """Return a function that has the recorded value of a step, or None; the desired acceleration with the command."""
     if name == MEASUREMENT.name:
         measured = measured_steps(record)
         return lambda step: measurement_at(record, step) if measured[step] else None
     signal = getattr(record, name).tolist()
+    if name == DESIRED_ACCELERATION.name and with_command:
+        command = record.command.tolist()
+        return lambda step: None if math.isnan(signal[step]) else (signal[step], command[step])
     return lambda step: None if math.isnan(signal[step]) else signal[step]

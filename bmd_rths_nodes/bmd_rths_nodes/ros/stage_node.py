@@ -22,13 +22,13 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.cdr import MalformedMessage
-from bmd_rths_msgs_py.topics import NAMESPACE, RECORDER, Topic
+from bmd_rths_msgs_py.topics import NAMESPACE, Topic
 from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.agreement import Agreement, Heard
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
-from bmd_rths_nodes.ros.messages import codec_of, message_class
+from bmd_rths_nodes.ros.messages import codec_of, consumers_of, message_class
 from bmd_rths_nodes.ros.parameters import (
     changed_configuration,
     declare_configuration,
@@ -174,12 +174,15 @@ class StageNode(LifecycleNode, ABC):
 
         return send
 
-    def subscribe_to(self, topic: Topic, step: Callable[[int, Any], None], newest_only: bool = False) -> None:
+    def subscribe_to(
+        self, topic: Topic, step: Callable[[int, Any], None], newest_only: bool = False, begins_test: bool = True
+    ) -> None:
         """Subscribe a stage to a topic; `step` gets step index and value, in the order of the steps.
 
         Messages that are malformed, repeated or older than the last one are counted and dropped; skipped steps are
-        counted as lost. Step 0 after a later one begins a new test. With `newest_only`, a message that was not read
-        in time is skipped when a newer one is there; in lockstep there never is.
+        counted as lost. Step 0 after a later one begins a new test, unless another topic says so earlier
+        (`begins_test`). With `newest_only`, a message that was not read in time is skipped when a newer one is there;
+        in lockstep there never is.
         """
         time_step_ns = self.config.run.time_step_ns
         unpack = codec_of(topic, self.config).unpack
@@ -199,7 +202,8 @@ class StageNode(LifecycleNode, ABC):
                 return
             expected = self._expected.get(name, 0)
             if index == 0 and expected > 1:
-                self.reset_stage()
+                if begins_test:
+                    self.reset_stage()
             elif index < expected:
                 self.out_of_order += 1
                 return
@@ -434,7 +438,7 @@ class StageNode(LifecycleNode, ABC):
         """Tell whether both ends of every connection of this node that the loop needs have found each other."""
         for topic, publisher in self._publishers_of:
             readers = self.get_subscriptions_info_by_topic(publisher.topic_name)
-            needed = {role for role in topic.consumers if role != RECORDER or self.config.run.record}
+            needed = consumers_of(topic, self.config)
             needed -= self._intra_process.consumers(topic.name)
             if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
                 return False
