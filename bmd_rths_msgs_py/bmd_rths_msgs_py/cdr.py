@@ -114,12 +114,48 @@ class PairCodec:
         self._second = Struct("<d").pack
 
     def pack(self, stamp_ns: int, values: tuple[float, float]) -> bytes:
-        """Return the message as bytes; as `ScalarCodec.pack`, with a second number."""
+        """Return the message as bytes.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            ``header.stamp`` [ns].
+        values : (float, float)
+            The numbers.
+
+        Returns
+        -------
+        bytes
+            Little-endian CDR with encapsulation.
+
+        Raises
+        ------
+        ValueError
+            The stamp does not fit in a ROS time.
+        """
         data = self._scalar.pack(stamp_ns, values[0])
         return data[: 8 - _VECTORS_SIZE] + self._second(values[1]) + data[16 - _VECTORS_SIZE :]
 
     def unpack(self, data: bytes) -> tuple[int, tuple[float, float]]:
-        """Return stamp and numbers of a message from any conforming node; as `ScalarCodec.unpack`."""
+        """Return stamp and numbers of a message from any conforming node.
+
+        Parameters
+        ----------
+        data : bytes
+            The message: CDR of either byte order, with any frame_id.
+
+        Returns
+        -------
+        stamp_ns : int
+            ``header.stamp`` [ns].
+        values : (float, float)
+            The numbers.
+
+        Raises
+        ------
+        MalformedMessage
+            The bytes are not such a message.
+        """
         order, stamp_ns, body = _unpack_vectors(data)
         return stamp_ns, _FIRST_TWO_OF_VECTORS[order].unpack_from(data, body)
 

@@ -49,7 +49,13 @@ class AnalysisOptions:
 
 
 def has_continuous_loops(config: Config) -> bool:
-    """Tell whether the compensator is one of the paper's, whose transfer functions are known."""
+    """Tell whether the compensator is one of the paper's, whose transfer functions are known.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
     return config.run.scheme in SCHEME_NAMES
 
 
