@@ -98,7 +98,8 @@ class VirtualNetwork:
 
     def wait(self, until: float) -> bool:
         """Let time pass until something arrives."""
-        end = self._nanoseconds(until)
+        # What is due a rounding error later is a nanosecond away, and not now.
+        end = max(self._nanoseconds(until), self.time + (until > self.now()))
         while True:
             self._deliver()
             if self._inbox or self.time >= end:
@@ -185,8 +186,8 @@ class _Altered:
     def __init__(self, stage, loop: FaultyLoop, change: Callable[[int, float], float]) -> None:
         self._stage, self._loop, self._change = stage, loop, change
 
-    def reset(self) -> None:
-        self._stage.reset()
+    def __getattr__(self, name: str):
+        return getattr(self._stage, name)
 
     def step(self, *values: float) -> float:
         return self._change(self._loop._now, self._stage.step(*values))
