@@ -48,7 +48,7 @@ class BagWriter:
     directory : Path
         Where to write. It is made unless it exists and is empty.
     metadata : Mapping of str to str
-        The story of the run at its start, see `story.start_metadata`.
+        The story of the run at its start, see `bag_description.start_metadata`.
     chunk_size : int
         Largest MCAP chunk [bytes]: what a reader of a cut file may lose.
     flush_period : float
@@ -141,7 +141,7 @@ class BagWriter:
         Parameters
         ----------
         custom_data : Mapping of str to str
-            How the run ended, see `story.end_metadata`.
+            How the run ended, see `bag_description.end_metadata`.
         """
         self.flush()  # the record of the end stands behind every message
         self.add_metadata(END_RECORD, custom_data)

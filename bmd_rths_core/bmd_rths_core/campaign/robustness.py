@@ -51,6 +51,8 @@ class RobustnessStudy:
         and a third of the plants have a further mode at 25 Hz.
     seed : int
         Of the drawing: the first plants of a larger study are those of a smaller one.
+    engine : str
+        Part of the key of a run, as `CampaignStudy` has it.
 
     Raises
     ------

@@ -53,7 +53,13 @@ def ending(record: RunRecord) -> str:
 
 
 def lateness(record: RunRecord) -> str:
-    """Return how many steps of a run were late."""
+    """Return how many steps of a run were late.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+    """
     timing, share = record.timing, record.late_share
     if timing is None or share is None:
         return "no clock was kept"
