@@ -30,9 +30,10 @@ def below(*lines):
 
 
 def test_defaults_are_the_simplified_bmd_file_with_record_and_specimen_as_they_are():
-    """Nobody who has not asked for it gets a record that is changed, or a specimen that is not its model."""
+    """Nobody who has not asked for it gets a changed record, a specimen that is not its model, or its models."""
     as_they_are = {"ground_motion__time_scale": 1.0, "simulated_table__specimen_stiffness_factor": 1.0}
-    assert load_config(ROOT / "config" / "simplified_bmd.yaml").changed(**as_they_are) == Config()
+    shipped = load_config(ROOT / "config" / "simplified_bmd.yaml").changed(**as_they_are)
+    assert replace(shipped, identified_model=Config().identified_model) == Config()
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)

@@ -20,7 +20,9 @@ STORIES = {
 }
 SERVO = {f"simulated_table.servo_{name}" for name in ("real_pole", "frequency", "damping_ratio")}
 IDENTIFIED = {"specimen.identified_frequency", "specimen.identified_damping_ratio"}
-ALWAYS = STORIES | {"run.time_step", "force_correction.feedback_scale", "simulated_table.specimen_stiffness_factor"}
+FACTORS = ("specimen_stiffness_factor", "specimen_damping_factor", "command_gain")
+TABLE = {f"simulated_table.{name}" for name in FACTORS}
+ALWAYS = STORIES | TABLE | {"run.time_step", "force_correction.feedback_scale"}
 KALMAN = {"shear_estimator.sensor_noise", "shear_estimator.model_error"}
 SHAPER = {"command_shaper.w1", "command_shaper.w2", "command_shaper.lead_time"}
 
