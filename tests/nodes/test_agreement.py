@@ -292,16 +292,16 @@ def test_foreign_statuses_and_a_second_recorder_neither_end_a_test_nor_reach_its
     )
     (bag,) = (tmp_path / "bags").iterdir()
     run_id = diagnostics.latest("recorder")["run"]
+    refusals = lambda: [  # noqa: E731
+        entry["message"] for entry in diagnostics.told["recorder"] if entry["state"] == "tripped"
+    ]
+    diagnostics.wait_for(refusals)
     for _ in range(50):
         diagnostics.tell(DRIVER, NodeState.TRIPPED, "foreign", outcome="exploded", run="another", table="moving")
         diagnostics.tell(LEADER, NodeState.ENDED, "foreign")
         diagnostics.tell(LEADER, NodeState.ENDED, "foreign", outcome="finished", run=run_id, instance="another")
         diagnostics.tell("recorder", NodeState.ENDED, "foreign", bag="/another/bag", run=run_id, instance="another")
         client.spin_some()
-    refusals = lambda: [  # noqa: E731
-        entry["message"] for entry in diagnostics.told["recorder"] if entry["state"] == "tripped"
-    ]
-    diagnostics.wait_for(refusals)
     assert refusals()[-1].startswith("refused: a ")
     (other,) = (tmp_path / "second").iterdir()
     assert read_bag(other).reason.startswith("refused: a ")

@@ -52,7 +52,7 @@ def never_in_bursts(controller, steps):
     """Check that no two commands of the way to rest came together."""
     way = [arrival for arrival in controller.commands if arrival.step >= steps]
     assert len(way) > 10
-    assert periods(way).min() > 0.3 * DT
+    assert periods(way).min() > 0.2 * DT
 
 
 @pytest.mark.parametrize(
