@@ -296,6 +296,7 @@ def test_foreign_statuses_and_a_second_recorder_neither_end_a_test_nor_reach_its
         entry["message"] for entry in diagnostics.told["recorder"] if entry["state"] == "tripped"
     ]
     diagnostics.wait_for(refusals)
+    step = int(diagnostics.latest(LEADER)["step"])
     for _ in range(50):
         diagnostics.tell(DRIVER, NodeState.TRIPPED, "foreign", outcome="exploded", run="another", table="moving")
         diagnostics.tell(LEADER, NodeState.ENDED, "foreign")
@@ -305,7 +306,6 @@ def test_foreign_statuses_and_a_second_recorder_neither_end_a_test_nor_reach_its
     assert refusals()[-1].startswith("refused: a ")
     (other,) = (tmp_path / "second").iterdir()
     assert read_bag(other).reason.startswith("refused: a ")
-    step = int(diagnostics.latest(LEADER)["step"])
     diagnostics.wait_for(lambda: int(diagnostics.latest(LEADER).get("step", 0)) > step + 300)
     run.interrupt()
     result = run.wait(60.0)
