@@ -287,15 +287,17 @@ def test_foreign_statuses_and_a_second_recorder_neither_end_a_test_nor_reach_its
     diagnostics = Diagnostics(client)
     run = bmd_rths("run", CONFIG, "--composed", *SETTINGS, "--output", tmp_path / "bags", "--json")
     diagnostics.wait_for(lambda: recorded(tmp_path / "bags", 200_000))
+    diagnostics.wait_for(lambda: diagnostics.told["recorder"] and diagnostics.latest("recorder").get("run"))
+    run_id = diagnostics.latest("recorder")["run"]
     second = start(
         "-m", "bmd_rths_nodes.nodes.recorder", "--ros-args", "-p", f"recorder.directory:={tmp_path / 'second'}"
     )
     (bag,) = (tmp_path / "bags").iterdir()
-    run_id = diagnostics.latest("recorder")["run"]
     refusals = lambda: [  # noqa: E731
         entry["message"] for entry in diagnostics.told["recorder"] if entry["state"] == "tripped"
     ]
     diagnostics.wait_for(refusals)
+    diagnostics.wait_for(lambda: diagnostics.told[LEADER] and diagnostics.latest(LEADER).get("step"))
     step = int(diagnostics.latest(LEADER)["step"])
     for _ in range(50):
         diagnostics.tell(DRIVER, NodeState.TRIPPED, "foreign", outcome="exploded", run="another", table="moving")
