@@ -54,7 +54,7 @@ def test_sensors_at_rest_say_rest(table):
     for step, m in enumerate(drive(table, [0.0] * 5)):
         assert m.step == step
         assert m.applied_command == 0.0
-        assert m.table_displacement == pytest.approx(0.0, abs=1e-9)
+        assert m.table_displacement == pytest.approx(0.0, abs=5e-4)  # ten times the noise of its sensor
         assert m.table_acceleration == pytest.approx(0.0, abs=NOISE)
         assert m.floor_accelerations == pytest.approx(np.zeros(FLOORS), abs=NOISE)
         assert m.floor_accelerations.shape == (FLOORS,)
