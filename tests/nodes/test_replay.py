@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import AccelStamped
 
 from bmd_rths_core.config import config_from_mapping, dump_config
 from bmd_rths_msgs_py.bag_reader import read_bag
@@ -200,12 +201,11 @@ def test_no_step_is_published_before_its_time(bmd_rths, simulated):
 def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is(bmd_rths, nodes, simulated, client):
     first = bmd_rths("replay", simulated, "--ros", "--rate", "0.02")
     wait_until(lambda: client.count_publishers("/rths/measurement"))
+    refused = "error: another run is active on this ROS domain (bmd-rths on this computer); end it, or set ROS_DOMAIN_ID"
     second = bmd_rths("replay", simulated, "--ros").wait()
-    assert second.status == 2
-    assert "another run is active on this ROS domain (it publishes /rths/" in second.errors
+    assert (second.status, second.errors.startswith(refused)) == (2, True), second
     run = bmd_rths("run", CONFIG, "--set", "run.preflight=skip").wait()
-    assert run.status == 2
-    assert "another run is active on this ROS domain" in run.errors
+    assert (run.status, run.errors.startswith(refused)) == (2, True), run
     first.interrupt()
     ended = first.wait(30.0)
     told = [
@@ -214,6 +214,16 @@ def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is
         "stopped",
     ]
     assert (ended.status, ended.errors.splitlines()) == (1, told)
+
+
+def test_playback_is_refused_where_somebody_publishes_what_it_would(bmd_rths, simulated, client):
+    """The lock of a domain is of one computer; the graph tells of the others."""
+    publisher = client.create_publisher(AccelStamped, "/rths/ground_acceleration", 10)
+    refused = bmd_rths("replay", simulated, "--ros").wait()
+    client.destroy_publisher(publisher)
+    told = "error: another run is active on this ROS domain (it publishes /rths/ground_acceleration); end it"
+    assert refused.status == 2
+    assert refused.errors.splitlines()[-1].startswith(told)
 
 
 @pytest.mark.slow

@@ -107,11 +107,13 @@ def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | Non
     from bmd_rths_core.analysis.replay import answered_replay
     from bmd_rths_core.config import config_from_mapping
     from bmd_rths_nodes.ros.playback import NotReady, Playback
+    from bmd_rths_nodes.run.domain_lock import domain_lock
     from bmd_rths_nodes.run.monitor import RunMonitor
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
     with (
         collected_interrupts() as interrupts,
+        domain_lock(),
         RunMonitor() as monitor,
         contextlib.closing(Playback(monitor, record, config_from_mapping(record.configuration))) as playback,
         progress_bar(*columns, TimeElapsedColumn()) as progress,

@@ -13,7 +13,6 @@ from rclpy.publisher import Publisher
 
 from bmd_rths_core.analysis.replay import measured_steps, measurement_at
 from bmd_rths_core.config import Config
-from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.record import RunRecord
 from bmd_rths_msgs_py.cdr import MalformedMessage, ScalarCodec
@@ -31,6 +30,7 @@ from bmd_rths_msgs_py.topics import (
 from bmd_rths_nodes.ros import qos
 from bmd_rths_nodes.ros.messages import codec_of, message_class, owns_the_interface
 from bmd_rths_nodes.ros.spin import LONGEST_WAIT, WAKE_UP_MARGIN
+from bmd_rths_nodes.run.domain_lock import another_run
 from bmd_rths_nodes.run.monitor import DISCOVERY_TIME, RunMonitor
 
 PLAYED_TOPICS = (GROUND_ACCELERATION, DESIRED_ACCELERATION, REQUIRED_FORCE, COMMAND, MEASUREMENT)
@@ -168,10 +168,7 @@ class Playback:
         own = 1 if self._publishers else 0
         for topic in PLAYED_TOPICS:
             if self._node.count_publishers(topic.full_name) > own:
-                raise InputError(
-                    f"another run is active on this ROS domain (it publishes {topic.full_name}); "
-                    "end it, or set ROS_DOMAIN_ID to a free domain"
-                )
+                raise another_run(f"it publishes {topic.full_name}")
 
     def _matched(self, roles: Collection[str]) -> bool:
         """Tell whether every listener on this domain is connected, and the nodes are among them."""

@@ -12,19 +12,27 @@ from pathlib import Path
 from bmd_rths_core.errors import InputError
 
 
-@contextmanager
-def domain_lock() -> Iterator[bool]:
-    """Hold the ROS domain of this process for one run, against other runs of the same user on this computer.
+def another_run(who: str) -> InputError:
+    """Return the refusal of a second run on a domain.
 
-    Yields
-    ------
-    bool
-        False when another run holds it.
+    Parameters
+    ----------
+    who : str
+        What was found of the other one.
+    """
+    return InputError(
+        f"another run is active on this ROS domain ({who}); end it, or set ROS_DOMAIN_ID to a free domain"
+    )
+
+
+@contextmanager
+def domain_lock() -> Iterator[None]:
+    """Hold the ROS domain of this process for one run, against other runs of the same user on this computer.
 
     Raises
     ------
     InputError
-        The file of the lock cannot be written.
+        Another run holds it, or the file of the lock cannot be written.
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or 0
     path = Path(tempfile.gettempdir()) / f"bmd_rths_{os.getuid()}_run_on_domain_{domain}"
@@ -36,6 +44,5 @@ def domain_lock() -> Iterator[bool]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            yield False
-        else:
-            yield True
+            raise another_run("bmd-rths on this computer") from None
+        yield

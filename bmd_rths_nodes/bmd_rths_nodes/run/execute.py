@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.errors import InputError
 from bmd_rths_core.safety.ramp import longest_ramp
 from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES, module_of
-from bmd_rths_nodes.run.domain_lock import domain_lock
+from bmd_rths_nodes.run.domain_lock import another_run, domain_lock
 from bmd_rths_nodes.run.follower import RunFollower
 from bmd_rths_nodes.run.monitor import RunMonitor
 from bmd_rths_nodes.run.operator_stop import OperatorStop
@@ -74,12 +73,9 @@ def run_on_ros(
     RunFailed
         There is no bag that was closed.
     """
-    with domain_lock() as free, tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
-        others = ", ".join(monitor.nodes_already_there()) if free else "bmd-rths on this computer"
-        if others:
-            raise InputError(
-                f"another run is active on this ROS domain ({others}); end it, or set ROS_DOMAIN_ID to a free domain"
-            )
+    with domain_lock(), tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
+        if others := monitor.nodes_already_there():
+            raise another_run(", ".join(others))
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
         supervisor = Supervisor(modules, parameter_file, Path(scratch))
