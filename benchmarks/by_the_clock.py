@@ -25,6 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.host_witness import HostWitness
 from bmd_rths_core.config import Config
 from bmd_rths_core.table.wire import Kind
 from tests.clock.arrivals import Arrival, ArrivalController, held, periods
@@ -43,6 +44,8 @@ class Run(NamedTuple):
 
     outcome: str
     off_percent: float  # commands whose period is more than 1 ms off
+    quiet_off_percent: float  # the same of those during which the host was not slow
+    quiet_percent: float  # how many those are
     first_ms: float  # period before the first command on the way to rest
     velocity: float
     displacement: float
@@ -71,6 +74,7 @@ def run(mode: str, answer_after: float, ending: str, rng: random.Random, duratio
     pairs = [f"ground_motion.duration={duration}", "run.settling_time=0.0", *own]
     settings = [word for pair in pairs for word in ("--set", pair)]
     with (
+        HostWitness() as witness,
         tempfile.TemporaryDirectory(prefix="clock_") as folder,
         ArrivalController(answer_after, floor_gain=floor_gain) as controller,
     ):
@@ -86,7 +90,7 @@ def run(mode: str, answer_after: float, ending: str, rng: random.Random, duratio
             raise click.ClickException(f"{' '.join(command)}: {errors}")
         told: dict[str, Any] = json.loads(output)
         commands = controller.commands
-    return judged(told, commands)
+    return judged(told, commands, witness)
 
 
 def abort(
@@ -115,13 +119,17 @@ def descendants(parent: int) -> list[int]:
     return [int(pid) for pid in listed]
 
 
-def judged(told: dict[str, Any], commands: list[Arrival]) -> Run:
+def judged(told: dict[str, Any], commands: list[Arrival], witness: HostWitness) -> Run:
     """Return what the commands of a test came to."""
     between, motion = periods(commands), held(commands)
+    times = np.array([arrival.time for arrival in commands])
+    quiet, off = ~witness.slow_during(times[:-1], times[1:]), np.abs(between - 0.005) > 1e-3
     first = next((i for i, arrival in enumerate(commands) if arrival.step >= told["steps"]), len(commands) - 1)
     return Run(
         told["outcome"],
-        100.0 * float(np.mean(np.abs(between - 0.005) > 1e-3)),
+        100.0 * float(np.mean(off)),
+        100.0 * float(np.mean(off[quiet])) if quiet.any() else float("nan"),
+        100.0 * float(np.mean(quiet)),
         1e3 * float(between[first - 1]),
         *(float(value) for value in motion),
         told["missed_deadlines"],
@@ -131,7 +139,7 @@ def judged(told: dict[str, Any], commands: list[Arrival]) -> Run:
 
 def identify(answer_after: float, duration: float = 20.0) -> Run:
     """Drive the table of the controller with noise and return what arrived."""
-    with ArrivalController(answer_after) as controller:
+    with HostWitness() as witness, ArrivalController(answer_after) as controller:
         options = ("--what", "table", "--order", "1", "--band", "1", "20", "--duration", str(duration), "--json")
         command = ["-m", "bmd_rths_nodes.cli.main", "identify", str(CONFIG), "--table", controller.address, *options]
         child = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=300.0)
@@ -139,13 +147,14 @@ def identify(answer_after: float, duration: float = 20.0) -> Run:
             raise click.ClickException(child.stderr)
         stop = next(i for i, arrival in enumerate(controller.arrivals) if arrival.kind is Kind.STOP)
         commands = [arrival for arrival in controller.arrivals[:stop] if arrival.kind is Kind.COMMAND]
-    return judged({"steps": 0, "outcome": "finished", "missed_deadlines": 0}, commands)
+    return judged({"steps": 0, "outcome": "finished", "missed_deadlines": 0}, commands, witness)
 
 
 def line(name: str, result: Run) -> str:
     wrong = f"   WRONG: {', '.join(result.wrong)}" if result.wrong else ""
     return (
-        f"{name:<28}{result.outcome:<10}{result.off_percent:7.2f} %{result.first_ms:8.2f} ms"
+        f"{name:<28}{result.outcome:<10}{result.off_percent:7.2f} %{result.quiet_off_percent:7.2f} % of"
+        f"{result.quiet_percent:4.0f} %{result.first_ms:8.2f} ms"
         f"{1e3 * result.velocity:10.4f} mm/s{1e3 * result.displacement:9.4f} mm"
         f"{1e3 * result.largest_displacement:8.1f} mm{result.missed:6d} of {result.steps}{wrong}"
     )
@@ -160,7 +169,8 @@ def main(aborts: int, seed: int, modes: tuple[str, ...]) -> None:
     rng, wrong = random.Random(seed), 0
     chosen = modes or tuple(MODES)
     print(
-        f"{'':<28}{'outcome':<10}{'off 1 ms':>9}{'first':>11}{'velocity':>15}{'displacement':>12}{'peak':>11}  missed"
+        f"{'':<28}{'outcome':<10}{'off 1 ms':>9}{'host quiet':>18}{'first':>11}{'velocity':>15}{'displacement':>12}"
+        f"{'peak':>11}  missed"
     )
     if aborts:
         cases = [(rng.choice(chosen), rng.choice((0.5e-3, 2e-3)), rng.choice(ENDINGS[1:])) for _ in range(aborts)]
