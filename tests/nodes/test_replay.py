@@ -201,7 +201,9 @@ def test_no_step_is_published_before_its_time(bmd_rths, simulated):
 def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is(bmd_rths, nodes, simulated, client):
     first = bmd_rths("replay", simulated, "--ros", "--rate", "0.02")
     wait_until(lambda: client.count_publishers("/rths/measurement"))
-    refused = "error: another run is active on this ROS domain (bmd-rths on this computer); end it, or set ROS_DOMAIN_ID"
+    refused = (
+        "error: another run is active on this ROS domain (bmd-rths on this computer); end it, or set ROS_DOMAIN_ID"
+    )
     second = bmd_rths("replay", simulated, "--ros").wait()
     assert (second.status, second.errors.startswith(refused)) == (2, True), second
     run = bmd_rths("run", CONFIG, "--set", "run.preflight=skip").wait()

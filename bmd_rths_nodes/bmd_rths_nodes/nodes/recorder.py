@@ -132,14 +132,14 @@ class RecorderNode(StageNode):
             return
         if self._end is not None:
             self._close_as_told(self._end)
-        elif self.ending is None and self.steps > 0:
+        elif self.ending is None and self.order.steps > 0:
             self._close("failed", "the recorder was deactivated before the test ended", None)
         else:
             self._close("stopped", "the recorder was stopped before the test ended", None)
 
     def wants_more_time(self, waited: float, hurried: bool) -> bool:
         """Wait for the end of a test that is under way, and for the way of the table to rest."""
-        if self.state != NodeState.READY or self.steps == 0 or self._writer is None:
+        if self.state != NodeState.READY or self.order.steps == 0 or self._writer is None:
             return False
         return waited < LONGEST_FAREWELL + (self._time_to_rest if self._table_moves and not hurried else 0.0)
 
@@ -159,7 +159,7 @@ class RecorderNode(StageNode):
             self._quiet_looks += 1
             if self._end is not None and self._is_quiet(silence, self._end):
                 self._close_as_told(self._end)
-            elif self._end is None and self.steps > 0 and silence > self._longest_silence():
+            elif self._end is None and self.order.steps > 0 and silence > self._longest_silence():
                 self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
             return self._flush_due
         return math.inf
@@ -204,13 +204,13 @@ class RecorderNode(StageNode):
             self._record(name, type_name, data)
             self._last_message = time.perf_counter()
             self._quiet_looks = 0
-            self.steps += 1
+            self.order.steps += 1
             try:
                 step = read_stamp(data) // time_step_ns
             except MalformedMessage:
-                self.malformed += 1
+                self.order.malformed += 1
                 return
-            self.lost += max(0, step - self._next_step[name])
+            self.order.lost += max(0, step - self._next_step[name])
             self._next_step[name] = step + 1
             if lockstep:
                 self._tell_lockstep()
@@ -223,7 +223,7 @@ class RecorderNode(StageNode):
     @property
     def free(self) -> bool:
         """True before the first step of a test: one bag holds one test."""
-        return super().free and self.steps == 0 and self._end is None
+        return super().free and self.order.steps == 0 and self._end is None
 
     def on_peer(self, peer: NodeStatus) -> None:
         """Take note of the end of the test, and of the table."""

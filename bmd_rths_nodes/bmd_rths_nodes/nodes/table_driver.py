@@ -178,7 +178,7 @@ class TableDriverNode(StageNode):
         except (OSError, RuntimeError) as error:
             raise Refused(f"table controller: {error}") from error
         self._forget_the_last_test()
-        self.expect_a_new_test()
+        self.take_part()
         return "armed for a new test"
 
     def _refuse_when_inactive(self) -> None:

@@ -1,42 +1,29 @@
-"""What every node of a run has in common: parameters, lifecycle, topics, order of the steps, status."""
+"""What every node of a run has in common: topics, order of the steps, status, and the test it takes part in."""
 
 from __future__ import annotations
 
 import math
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
-from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 
-from bmd_rths_core.config import Config
-from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.cdr import MalformedMessage
-from bmd_rths_msgs_py.topics import NAMESPACE, Topic
+from bmd_rths_msgs_py.topics import Topic
 from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.agreement import Agreement, Heard
+from bmd_rths_nodes.ros.connections import Connections
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
-from bmd_rths_nodes.ros.messages import codec_of, consumers_of, message_class
-from bmd_rths_nodes.ros.parameters import (
-    changed_configuration,
-    declare_configuration,
-    read_configuration,
-    refuse_other_name,
-    refuse_unsupported,
-)
+from bmd_rths_nodes.ros.managed_node import ManagedNode
+from bmd_rths_nodes.ros.messages import codec_of
 from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.ros.step_order import StepOrder
 
 #: How often a node tells its status [s]: before its first step, and afterwards.
 PREPARATION_PERIOD = 0.1
@@ -52,7 +39,7 @@ FAREWELL_TIMEOUT = 1.0
 _TAKING_PART = (NodeState.WAITING, NodeState.READY, NodeState.RUNNING)
 
 
-class StageNode(LifecycleNode, ABC):
+class StageNode(ManagedNode):
     """A managed node around one stage: converts in, calls the stage, converts out, publishes.
 
     Subclasses name their role, make their stage and topics in `configure_stage`, and forget the past in
@@ -64,30 +51,15 @@ class StageNode(LifecycleNode, ABC):
         Nodes of the same process, which get their messages from there.
     """
 
-    ROLE: ClassVar[str]
-
-    steps: int
-    _steps_told: int
-
     def __init__(self, intra_process: IntraProcess) -> None:
-        super().__init__(self.ROLE, namespace=NAMESPACE)
+        super().__init__()
         self._intra_process = intra_process
-        refuse_other_name(self, f"/{NAMESPACE}/{self.ROLE}")
-        self.config: Config = read_configuration(self)
-        declare_configuration(self, self.config, ROLES[self.ROLE].sections)
-        self.declare_parameter(
-            "autostart", True, ParameterDescriptor(description="Configure and activate the node when it starts")
-        )
-        self.add_on_set_parameters_callback(self._on_set_parameters)
-        self.problem = ""
-        self.to_log: list[tuple[bytes, str]] = []
+        self._connections = Connections(self, self.ROLE, intra_process)
+        self.order = StepOrder(self.config.run.time_step_ns)
+        self._steps_told = 0
         self.state = NodeState.INACTIVE
         self.level = status.OK
         self.note = ""
-        self.configured = False
-        self._publishers_of: list[tuple[Topic, Publisher]] = []
-        self._subscriptions_of: list[Subscription] = []
-        self._inputs: list[tuple[str, Callable[[], int]]] = []
         # Nodes that have no section of the table see the default, which is simulated.
         at_once = self.config.run.lockstep or self.config.table.controller == "simulated"
         self._settled_at = 0.0 if at_once else time.perf_counter() + self.config.run.settling_time
@@ -101,20 +73,9 @@ class StageNode(LifecycleNode, ABC):
         intra_process.hear_statuses(self.ROLE, self._hear)
         if intra_process.needs_a_listener():
             self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
-        self._forget_counts()
         triggers.offer(self, self.operator_services())
 
     # ---- for subclasses
-
-    @abstractmethod
-    def configure_stage(self, config: Config) -> None:
-        """Make stage, publishers and subscriptions; may raise InputError."""
-
-    def reset_stage(self) -> None:
-        """Return the stage to rest, before step 0."""
-
-    def stop_stage(self) -> None:
-        """Leave everything safe; called when the node is deactivated or its process ends."""
 
     def status_values(self) -> dict[str, str]:
         """Return what this node tells besides its state."""
@@ -163,16 +124,7 @@ class StageNode(LifecycleNode, ABC):
 
     def publish_to(self, topic: Topic) -> Callable[[int, Any], None]:
         """Create the publisher of a topic and return a function that sends the value of a step."""
-        publisher = self.create_publisher(message_class(topic), topic.name, qos.PUBLISHER)
-        self._publishers_of.append((topic, publisher))
-        publish = self._intra_process.sender(topic.name, publisher.publish)
-        pack = codec_of(topic, self.config).pack
-        time_step_ns = self.config.run.time_step_ns
-
-        def send(step: int, value: Any) -> None:
-            publish(pack(step * time_step_ns, value))
-
-        return send
+        return self._connections.publish_to(topic, self.config)
 
     def subscribe_to(
         self, topic: Topic, step: Callable[[int, Any], None], newest_only: bool = False, begins_test: bool = True
@@ -184,7 +136,6 @@ class StageNode(LifecycleNode, ABC):
         (`begins_test`). With `newest_only`, a message that was not read in time is skipped when a newer one is there;
         in lockstep there never is.
         """
-        time_step_ns = self.config.run.time_step_ns
         unpack = codec_of(topic, self.config).unpack
         name = topic.name
 
@@ -193,42 +144,23 @@ class StageNode(LifecycleNode, ABC):
                 return
             try:
                 stamp, value = unpack(data)
+                taken = self.order.take(name, stamp)
             except MalformedMessage as error:
                 self._count_malformed(topic, str(error))
                 return
-            index, remainder = divmod(stamp, time_step_ns)
-            if remainder:
-                self._count_malformed(topic, f"stamp {stamp} ns is not a multiple of {time_step_ns} ns")
+            if taken is None:
                 return
-            expected = self._expected.get(name, 0)
-            if index == 0 and expected > 1:
-                if begins_test:
-                    self.reset_stage()
-            elif index < expected:
-                self.out_of_order += 1
-                return
-            elif index > expected:
-                self.lost += index - expected
-            self._expected[name] = index + 1
-            self.steps += 1
+            if taken.begins_anew and begins_test:
+                self.reset_stage()
             self.stepped_at = time.perf_counter()
-            step(index, value)
+            step(taken.step, value)
 
-        if self._intra_process.has(topic.producer):
-            self._intra_process.subscribe(name, self.ROLE, on_message)
-            resolved = self.resolve_topic_name(name)  # publishers are counted by the name they have in the end
-            self._inputs.append((resolved, lambda: self.count_publishers(resolved)))
-            return
         in_real_time = qos.NEWEST if newest_only else qos.STAGE
-        profile = qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time
-        subscription = self.subscribe_raw(topic, on_message, profile)
-        self._inputs.append((subscription.topic_name, subscription.get_publisher_count))
+        self._connections.listen(topic, on_message, qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time)
 
-    def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
+    def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to the bytes of a topic."""
-        subscription = self.create_subscription(message_class(topic), topic.name, on_message, profile, raw=True)
-        self._subscriptions_of.append(subscription)
-        return subscription
+        self._connections.listen_beside(topic, on_message, profile)
 
     def set_state(self, state: NodeState, note: str = "", level: bytes = status.OK) -> None:
         """Change the state and tell it at once, to the nodes of this process first: a table may wait for it."""
@@ -236,31 +168,20 @@ class StageNode(LifecycleNode, ABC):
         self._intra_process.tell_status(self.ROLE, self._status(self.urgent_values()))
         self.publish_status()
 
-    def log_later(self, text: str, level: bytes = status.OK) -> None:
-        """Log a line when no node of this process drives a test or a table: a log call may stall it."""
-        self.to_log.append((level, text))
-
-    @property
-    def drives(self) -> bool:
-        """True while something moves that must not wait for a log call."""
-        return False
-
-    def flush_log(self) -> None:
-        """Log what was kept back."""
-        while self.to_log:
-            level, text = self.to_log.pop(0)
-            if level == status.OK:
-                self.get_logger().info(text)
-            elif level == status.WARN:
-                self.get_logger().warning(text)
-            else:
-                self.get_logger().error(text)
-
-    def expect_a_new_test(self) -> None:
+    def take_part(self) -> None:
         """Look for the peers, and begin at step 0."""
-        self._forget_counts()
+        self.order = StepOrder(self.config.run.time_step_ns)
+        self._steps_told = 0
         self.agreement.begin(self.shared_parameters())
         self.set_state(NodeState.WAITING)
+
+    def take_no_part(self) -> None:
+        """Tell that the node is inactive."""
+        self.set_state(NodeState.INACTIVE)
+
+    def give_up_topics(self) -> None:
+        """Destroy publishers and subscriptions."""
+        self._connections.destroy()
 
     def status_due_within(self, seconds: float) -> None:
         """Tell the status soon, that is `seconds` after it was last told."""
@@ -297,31 +218,31 @@ class StageNode(LifecycleNode, ABC):
             Time of `time.perf_counter` [s].
         """
         if now >= self._status_due:
-            idle = self.steps == self._steps_told
+            idle = self.order.steps == self._steps_told
             if idle and self.state in (NodeState.WAITING, NodeState.READY):
-                self.note = self._disturbance() or self.agreement.obstacle(now)
-                found = now >= self._settled_at and not self.note and self._matched()
+                self.note = self._connections.disturbance() or self.agreement.obstacle(now)
+                found = now >= self._settled_at and not self.note and self._connections.matched(self.config)
                 self.state = NodeState.READY if found else NodeState.WAITING
-            self._steps_told = self.steps
+            self._steps_told = self.order.steps
             self.publish_status()
         if now >= self._look_due:
             self._look_due = now + LOOK_PERIOD
-            under_way = self.steps > self._steps_told and self.state in _TAKING_PART
-            if under_way and (problem := self._disturbance()):
+            under_way = self.order.steps > self._steps_told and self.state in _TAKING_PART
+            if under_way and (problem := self._connections.disturbance()):
                 self.on_disturbance(problem)
 
     def publish_status(self) -> None:
         """Tell the status now."""
-        prepares = self.steps == 0 and self.state in (NodeState.WAITING, NodeState.READY)
+        prepares = self.order.steps == 0 and self.state in (NodeState.WAITING, NodeState.READY)
         self._status_told = time.perf_counter()
         self._status_due = self._status_told + (PREPARATION_PERIOD if prepares else STATUS_PERIOD)
         own = self._status(
             {
                 **self.status_values(),
                 **self.agreement.values(),
-                "lost": str(self.lost),
-                "out_of_order": str(self.out_of_order),
-                "malformed": str(self.malformed),
+                "lost": str(self.order.lost),
+                "out_of_order": str(self.order.out_of_order),
+                "malformed": str(self.order.malformed),
             }
         )
         seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
@@ -354,60 +275,6 @@ class StageNode(LifecycleNode, ABC):
         if self._last_words:
             self._diagnostics.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
 
-    # ---- lifecycle
-
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Make stage and topics from the parameters."""
-        try:
-            self.configure_stage(self.config)
-        except InputError as error:
-            self.problem = str(error)
-            self.get_logger().error(self.problem)
-            self._destroy_topics()
-            return TransitionCallbackReturn.FAILURE
-        self.configured = True
-        return super().on_configure(state)
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Return to rest and look for the peers."""
-        try:
-            self.reset_stage()
-        except InputError as error:
-            self.problem = str(error)
-            self.get_logger().error(self.problem)
-            return TransitionCallbackReturn.FAILURE
-        self.expect_a_new_test()
-        return super().on_activate(state)
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop taking part."""
-        self.stop_stage()
-        self.set_state(NodeState.INACTIVE)
-        return super().on_deactivate(state)
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give up stage and topics, so that the parameters can be changed."""
-        self._destroy_topics()
-        self.configured = False
-        return super().on_cleanup(state)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop taking part for good."""
-        self.stop_stage()
-        self.set_state(NodeState.INACTIVE)
-        self._destroy_topics()
-        self.configured = False
-        return super().on_shutdown(state)
-
-    def _LifecycleNodeMixin__on_change_state(self, request: Any, response: Any) -> Any:
-        """Answer a request for a transition that is not possible, which rclpy 7.1 leaves unanswered."""
-        try:
-            return super()._LifecycleNodeMixin__on_change_state(request, response)  # type: ignore[misc]
-        except rclpy_implementation.RCLError as error:
-            self.get_logger().error(f"transition refused: {error}")
-            response.success = False
-            return response
-
     # ---- details
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -428,54 +295,7 @@ class StageNode(LifecycleNode, ABC):
         if heard in (Heard.BELIEVED, Heard.ADOPTED) and self.configured:
             self.on_peer(peer)
 
-    def _forget_counts(self) -> None:
-        """Begin to count anew: the next step of each topic, and what went wrong."""
-        self._expected: dict[str, int] = {}
-        self.steps = self._steps_told = 0
-        self.malformed = self.out_of_order = self.lost = 0
-
-    def _matched(self) -> bool:
-        """Tell whether both ends of every connection of this node that the loop needs have found each other."""
-        for topic, publisher in self._publishers_of:
-            readers = self.get_subscriptions_info_by_topic(publisher.topic_name)
-            needed = consumers_of(topic, self.config)
-            needed -= self._intra_process.consumers(topic.name)
-            if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
-                return False
-        heard = (subscription.get_publisher_count() for subscription in self._subscriptions_of)
-        return all(heard) and all(count_publishers() for _, count_publishers in self._inputs)
-
-    def _disturbance(self) -> str:
-        """Return which input of this node has more than one publisher, in words; empty when none has."""
-        for topic_name, count_publishers in self._inputs:
-            count = count_publishers()
-            if count > 1:
-                return f"{topic_name} has {count} publishers, one is allowed"
-        return ""
-
     def _count_malformed(self, topic: Topic, problem: str) -> None:
-        self.malformed += 1
-        if self.malformed == 1:
+        self.order.malformed += 1
+        if self.order.malformed == 1:
             self.log_later(f"{topic.name}: message dropped: {problem}; further ones are only counted", status.WARN)
-
-    def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        if self.configured:
-            reason = f"{self.ROLE} is configured; parameters can be changed after the cleanup transition"
-            return SetParametersResult(successful=False, reason=reason)
-        try:
-            refuse_unsupported(parameters)
-            self.config = changed_configuration(self.config, parameters)
-        except InputError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _destroy_topics(self) -> None:
-        self._intra_process.publish()
-        self._intra_process.unsubscribe(self.ROLE)
-        for _, publisher in self._publishers_of:
-            self.destroy_publisher(publisher)
-        for subscription in self._subscriptions_of:
-            self.destroy_subscription(subscription)
-        self._publishers_of.clear()
-        self._subscriptions_of.clear()
-        self._inputs.clear()

@@ -1,0 +1,72 @@
+"""In which order the steps of each topic come to a node, and how many do not fit."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from bmd_rths_msgs_py.cdr import MalformedMessage
+
+
+class Taken(NamedTuple):
+    """A step whose turn it is."""
+
+    step: int
+    begins_anew: bool  # step 0 after a later one
+
+
+class StepOrder:
+    """Counts steps; a node takes each of them once, in their order.
+
+    Parameters
+    ----------
+    time_step_ns : int
+        Δt [ns]; a stamp is a multiple of it.
+
+    Attributes
+    ----------
+    steps, lost, out_of_order, malformed : int
+        Messages that were taken, skipped, dropped because they came again or late, and dropped unread.
+    """
+
+    def __init__(self, time_step_ns: int) -> None:
+        self._time_step_ns = time_step_ns
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin to count anew."""
+        self._expected: dict[str, int] = {}
+        self.steps = self.lost = self.out_of_order = self.malformed = 0
+
+    def take(self, topic: str, stamp: int) -> Taken | None:
+        """Take the step of a message.
+
+        Parameters
+        ----------
+        topic : str
+            Name of its topic.
+        stamp : int
+            Its stamp [ns].
+
+        Returns
+        -------
+        Taken or None
+            None for a step that was there before, or that a later one has overtaken.
+
+        Raises
+        ------
+        MalformedMessage
+            The stamp is that of no step.
+        """
+        index, remainder = divmod(stamp, self._time_step_ns)
+        if remainder:
+            raise MalformedMessage(f"stamp {stamp} ns is not a multiple of {self._time_step_ns} ns")
+        expected = self._expected.get(topic, 0)
+        begins_anew = index == 0 and expected > 1
+        if index < expected and not begins_anew:
+            self.out_of_order += 1
+            return None
+        if index > expected:
+            self.lost += index - expected
+        self._expected[topic] = index + 1
+        self.steps += 1
+        return Taken(index, begins_anew)
