@@ -6,15 +6,14 @@ import pytest
 from bmd_rths_core.loop.conductor import (
     LOCKSTEP_TIMEOUT,
     LONGEST_LEAD,
-    LONGEST_SILENCE,
     LOOK_PERIOD,
     RECORDING_TIMEOUT,
     START_DELAY,
     Begun,
     Conductor,
-    Peer,
 )
 from bmd_rths_core.loop.control_stage import ControlStage
+from bmd_rths_core.loop.peers import LONGEST_SILENCE, Peer
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.safety import Action, Trip
 from bmd_rths_core.table.controller import TableMeasurement

@@ -9,8 +9,8 @@ from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.compensators.protocol import InterfaceControl, Known, SensorNoise, Shaper
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.loop.conductor import NumericalStage
 from bmd_rths_core.loop.control_stage import ControlStage
+from bmd_rths_core.loop.numerical_stage import NumericalStage
 from bmd_rths_core.parameters import section_name
 from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator, StabilityIndicatorArray
 from bmd_rths_core.stages.force_correction import ForceCorrection

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from bmd_rths_core.loop.deadlines import DeadlineMonitor
+from bmd_rths_core.loop.numerical_stage import NumericalStage
+from bmd_rths_core.loop.peers import LONGEST_SILENCE, Peer, Peers
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.safety import Action, StabilityIndicator, Trip
 from bmd_rths_core.table.controller import TableMeasurement
@@ -33,90 +32,8 @@ START_DELAY = 0.05
 #: A tick that is later than this part of Δt moves the schedule, so that no two commands come close to each other.
 LATEST_TICK = 0.5
 
-#: A peer that tells nothing for this long is lost [s]; every node tells its status once a second.
-LONGEST_SILENCE = 5.0
-
 #: Time between two looks for lost peers [s].
 LOOK_PERIOD = 1.0
-
-
-#: States of a peer that has left a test.
-_GONE = (NodeState.INACTIVE, NodeState.ENDED)
-
-
-class Response(Protocol):
-    """What the numerical substructure answers to a step."""
-
-    @property
-    def desired_acceleration(self) -> float:
-        """Absolute interface acceleration [m/s²]."""
-
-    @property
-    def required_force(self) -> float:
-        """Required interface force [N]."""
-
-    @property
-    def command(self) -> float:
-        """What the command shaper gets [m/s²]: the desired acceleration, or what an interface control commands."""
-
-
-class NumericalStage(Protocol):
-    """The numerical substructure as the conductor drives it."""
-
-    @property
-    def takes_feedback(self) -> bool:
-        """True when the shear fed back acts on it; an interface control knows better, and needs the measurement."""
-
-    @property
-    def displacements(self) -> NDArray[np.float64]:
-        """Floor displacements relative to the ground, shape (n,) [m]."""
-
-    def reset(self) -> None:
-        """Return to rest before step 0."""
-
-    def step(self, ground_acceleration: float, feedback_force: float) -> Response:
-        """Advance to the next step, with the shear fed back [N] and the ground acceleration of this step [m/s²].
-
-        Parameters
-        ----------
-        ground_acceleration : float
-            Of this step [m/s²].
-        feedback_force : float
-            Shear fed back at the step before [N].
-        """
-
-    def learn(self, measurement: TableMeasurement) -> None:
-        """Take in what the sensors said at the end of a step.
-
-        Parameters
-        ----------
-        measurement : TableMeasurement
-            Of that step.
-        """
-
-
-class Peer(NamedTuple):
-    """What another node of the loop says of itself.
-
-    Parameters
-    ----------
-    role : str
-        Its role.
-    state : NodeState
-        What it does.
-    reason : str
-        Why, in one line.
-    outcome : Outcome or None
-        What it makes of the test when it has tripped.
-    recorded_steps : int
-        Steps that are recorded whole, of a recorder.
-    """
-
-    role: str
-    state: NodeState
-    reason: str = ""
-    outcome: Outcome | None = None
-    recorded_steps: int = 0
 
 
 class Begun(NamedTuple):
@@ -207,9 +124,8 @@ class Conductor:
         self._lockstep = lockstep
         self._longest_miss = longest_miss
         self._on_step = on_step
-        self._peers = frozenset(peers)
-        self._recorder = recorder
-        self._heard: dict[str, float] = {}
+        self._peers = Peers(peers, recorder)
+        self._keeps_to_recorder = bool(recorder)
         self.reset()
 
     def reset(self) -> None:
@@ -224,10 +140,9 @@ class Conductor:
         self.trips: list[Trip] = []
         self.action = Action.RAMP
         self.step = 0
-        self._ready_peers: set[str] = set()
+        self._peers.reset()
         self._feedback, self._fed_back, self._measured = 0.0, -1, -1
         self._due = self._look_due = math.inf
-        self._recorded_steps = 0
         self._closed = self._waits_for_recorder = False
 
     @property
@@ -238,7 +153,7 @@ class Conductor:
     @property
     def waiting_for(self) -> list[str]:
         """Peers that are not ready, before step 0."""
-        return sorted(self._peers - self._ready_peers) if self.step == 0 else []
+        return self._peers.not_ready if self.step == 0 else []
 
     # ---- what the host tells
 
@@ -276,19 +191,13 @@ class Conductor:
         now : float
             Time [s].
         """
-        self._heard[peer.role] = now
-        if peer.state is NodeState.READY:
-            self._ready_peers.add(peer.role)
-        else:
-            self._ready_peers.discard(peer.role)
+        self._peers.hear(peer, now)
         if peer.state is NodeState.TRIPPED and self._is_ended_by(peer):
             self.end(peer.outcome or Outcome.FAILED, f"{peer.role}: {peer.reason}", now)
-        elif self.state is NodeState.RUNNING and peer.role in self._peers and peer.state in _GONE:
+        elif self.state is NodeState.RUNNING and peer.role in self._peers.roles and peer.has_left:
             self.end(Outcome.FAILED, f"{peer.role} takes no part any more: it is {peer.state}", now)
-        if peer.role == self._recorder:
-            self._recorded_steps = peer.recorded_steps
-            if self._waits_for_recorder and self.state is NodeState.RUNNING:
-                self._begin_when_recorded(now)
+        if self._waits_for_recorder and self.state is NodeState.RUNNING:
+            self._begin_when_recorded(now)
 
     def shear(self, step: int, force: float, now: float) -> None:
         """Take the corrected shear of a step; the next one begins with it.
@@ -348,27 +257,26 @@ class Conductor:
     # ---- start gate and peers
 
     def _look_at_the_gate(self, now: float, ready: bool) -> None:
-        if not (ready and self._peers <= self._ready_peers):
+        if not ready or self._peers.not_ready:
             self._due = math.inf
         elif self._due == math.inf:
             self._due = now + START_DELAY
         elif now >= self._due:
             self.state = NodeState.RUNNING
             self._due = now
-            self._look_due = now + LOOK_PERIOD if self._peers else math.inf
+            self._look_due = now + LOOK_PERIOD if self._peers.roles else math.inf
             self._begin(now)
 
     def _is_ended_by(self, peer: Peer) -> bool:
         """Tell whether a peer that has tripped ends the test; before step 0 an operator's stop can be reset."""
         return self.state is NodeState.RUNNING or (
-            self.state is NodeState.WAITING and peer.role in self._peers and peer.outcome is Outcome.FAILED
+            self.state is NodeState.WAITING and peer.role in self._peers.roles and peer.outcome is Outcome.FAILED
         )
 
     def _look_for_lost_peers(self, now: float) -> None:
         """End the test when a peer is lost whose messages the loop does not miss: the recorder."""
         self._look_due = now + LOOK_PERIOD
-        silent = sorted(peer for peer in self._peers if now - self._heard[peer] > LONGEST_SILENCE)
-        if silent:
+        if silent := self._peers.silent(now):
             self.end(Outcome.FAILED, f"nothing was heard of {', '.join(silent)} for {LONGEST_SILENCE:g} s", now)
 
     # ---- steps
@@ -438,8 +346,8 @@ class Conductor:
     def _begin_when_recorded(self, now: float) -> None:
         """Begin the next step of lockstep unless the recorder is far behind: it would lose what nobody keeps."""
         waited = self._waits_for_recorder
-        lead = self.step - self._recorded_steps
-        self._waits_for_recorder = bool(self._recorder) and lead > LONGEST_LEAD
+        lead = self.step - self._peers.recorded_steps
+        self._waits_for_recorder = self._keeps_to_recorder and lead > LONGEST_LEAD
         if not self._waits_for_recorder:
             self._closed = False
             self._begin(now)

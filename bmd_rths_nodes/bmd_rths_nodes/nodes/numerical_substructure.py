@@ -15,7 +15,8 @@ from typing import Any
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.build import make_numerical_stage, make_stability_indicator
-from bmd_rths_core.loop.conductor import Begun, Conductor, Peer
+from bmd_rths_core.loop.conductor import Begun, Conductor
+from bmd_rths_core.loop.peers import Peer
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.topics import (
