@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import block_diag, solve_discrete_are
 
 from bmd_rths_core.compensators.identified_table import held_table
 from bmd_rths_core.compensators.inverse import inverse_system
@@ -84,6 +83,8 @@ def make_feedforward_lqg(known: Known) -> LinearShaper:
     order: x⁺ = A x + B u, w⁺ = φ w + √(1 − φ²) σ n, y = C x + w. Kalman filter and linear-quadratic regulator of that
     system give u = −K x̂, as Phillips and Spencer have it for displacements.
     """
+    from scipy.linalg import block_diag, solve_discrete_are  # not before it is needed
+
     settings: FeedforwardLqgConfig = known.settings
     forward = inverse_system(known, settings.low_pass_frequency, "ff_lqg")
     table = held_table(known, "ff_lqg")

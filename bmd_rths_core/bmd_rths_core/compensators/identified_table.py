@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import null_space
 
 from bmd_rths_core.compensators.protocol import Known
 from bmd_rths_core.errors import InputError
@@ -147,6 +146,8 @@ def transfer_function(plant: Plant) -> Rational:
             gain = markov
         elif len(rows) > len(a):
             raise InputError("identified_model: the command does not move the table")
+    from scipy.linalg import null_space  # as in `integration.discretisation`, not before it is needed
+
     basis = null_space(np.vstack(rows)) if rows else np.eye(len(a))
     inner = basis.T @ (a - b @ row / gain) @ basis
     return _minimal(np.linalg.eigvals(inner).astype(complex), np.linalg.eigvals(a).astype(complex), gain)

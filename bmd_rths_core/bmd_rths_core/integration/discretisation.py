@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 FloatArray = NDArray[np.float64]
 
@@ -54,7 +53,7 @@ def zero_order_hold(a: FloatArray, b: FloatArray, time_step: float) -> tuple[Flo
     block = np.zeros((n + m, n + m))
     block[:n, :n] = a * time_step
     block[:n, n:] = b * time_step
-    exponential = expm(block)
+    exponential = _exponential(block)
     return exponential[:n, :n].copy(), exponential[:n, n:].copy()
 
 
@@ -81,6 +80,12 @@ def first_order_hold(a: FloatArray, b: FloatArray, time_step: float) -> tuple[Fl
     block[:n, :n] = a * time_step
     block[:n, n : n + m] = b * time_step
     block[n : n + m, n + m :] = np.eye(m)
-    exponential = expm(block)
+    exponential = _exponential(block)
     gamma_1 = exponential[:n, n + m :].copy()
     return exponential[:n, :n].copy(), exponential[:n, n : n + m] - gamma_1, gamma_1
+
+
+def _exponential(matrix: FloatArray) -> FloatArray:
+    from scipy.linalg import expm  # takes a quarter of a second; a node without a model does without
+
+    return expm(matrix)  # type: ignore[no-any-return]

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from bmd_rths_core.errors import InputError
 
@@ -48,6 +47,8 @@ class SystemMatrices:
 
     def highest_frequency(self) -> float:
         """Return the highest undamped natural frequency [rad/s]."""
+        from scipy.linalg import eigh  # as in `integration.discretisation`, not before it is needed
+
         return float(np.sqrt(eigh(self.stiffness, self.mass, eigvals_only=True)[-1]))
 
 

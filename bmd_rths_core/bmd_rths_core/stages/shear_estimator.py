@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
@@ -198,6 +197,8 @@ def steady_state_filter(config: ShearEstimatorConfig, specimen: ShearBuilding, t
     measurement_noise = config.sensor_noise**2 * np.eye(n)
     process_noise = config.sensor_noise**2 * inputs @ inputs.T + config.model_error**2 * unmodelled @ unmodelled.T
     try:
+        from scipy.linalg import solve_discrete_are  # as in `integration.discretisation`, not before it is needed
+
         prior = solve_discrete_are(phi.T, floors.T, process_noise, measurement_noise)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise InputError(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.physical_bounds import LARGEST_FREQUENCY
@@ -182,6 +181,8 @@ def modes_of(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> Mo
     Modes
         All n modes, lowest frequency first.
     """
+    from scipy.linalg import eigh  # as in `integration.discretisation`, not before it is needed
+
     squared, shapes = eigh(stiffness, mass)
     frequencies = np.sqrt(squared)
     modal_damping = np.einsum("ij,ik,kj->j", shapes, damping, shapes)

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, solve_discrete_are
 
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.compensators.protocol import SensorNoise
@@ -123,6 +122,8 @@ def observer(
     InputError
         There is no steady state with these noise levels.
     """
+    from scipy.linalg import block_diag, solve_discrete_are  # not before it is needed
+
     measurement, deviations = sensor_rows(plant, specimen, noise, load_cell)
     size = len(plant.transition)
     acting = error.floors * np.vstack((plant.unmodelled, building.unmodelled))

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, solve_discrete_are
 
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.compensators.protocol import SensorNoise
@@ -84,6 +83,8 @@ def specimen_observer(
     InputError
         There is no steady state with these noise levels.
     """
+    from scipy.linalg import block_diag, solve_discrete_are  # not before it is needed
+
     n = specimen.stories
     a, by_table, floors = specimen.relative_motion()
     transition, before, now = first_order_hold(a, by_table, time_step)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.errors import InputError
@@ -141,6 +140,8 @@ def tracking(system: ErrorSystem, weights: TrackingWeights, preview: int) -> Tra
     -----
     With S = ρ + Bᵀ P B and A_c = A − B K, what is known of the ground enters as F_j = S⁻¹ Bᵀ (A_cᵀ)ʲ P E.
     """
+    from scipy.linalg import solve_discrete_are  # not before it is needed
+
     a, b, e, error, d = system
     own = np.append(1.0, np.full(len(error) - 1, weights.floors))
     state_cost = error.T @ (own[:, None] * error)
