@@ -19,9 +19,11 @@ from bmd_rths_core.loop.build import make_known
 from bmd_rths_core.table.controller import TableMeasurement
 from tests.core.test_mpic import exact
 
-PAGE = Path(__file__).parents[2] / "docs" / "reference" / "compensators.md"
-EXAMPLE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1]
-DOCUMENTED = "difference_lead"
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "reference" / "compensators.md"
+GUIDE = DOCS / "how-to" / "add_a_compensator.md"
+EXAMPLE = re.search(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)[1]
+DOCUMENTED = "derivative"
 #: Most that a step may cost, in steps of the phase lead of the paper, which is a handful of multiplications.
 MOST_COST = 250.0
 STEPS = 80
@@ -32,7 +34,7 @@ _PAPER = ("uc", "fc", "plc", "plc_fc")
 def documented():
     namespace = {"__name__": "example"}
     exec(EXAMPLE, namespace)
-    return namespace["COMPENSATOR"]
+    return namespace["DERIVATIVE_LEAD"]
 
 
 def known_of(entry, **changes):
@@ -194,8 +196,8 @@ from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions
 from bmd_rths_core.stability.assessment import assess
 
-config = Config().changed(run__scheme="difference_lead", difference_lead__lead_time=0.02)
-assert "difference_lead" in dump_config(config)
+config = Config().changed(run__scheme="derivative", derivative_lead__lead_time=0.02)
+assert "derivative_lead" in dump_config(config)
 assert config_from_mapping(config.as_mapping()) == config
 ground = 0.3 * np.sin(np.arange(400) * 0.06) * np.minimum(1.0, np.arange(400) / 100.0)
 motion = GroundMotion("sine", 0.005, ground, "made here", "0" * 64)
@@ -222,7 +224,7 @@ def install(folder):
     metadata = folder / "third_party_lead-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: third-party-lead\nVersion: 1.0\n")
-    points = "[bmd_rths.compensators]\ndifference_lead = third_party_lead:COMPENSATOR\n"
+    points = "[bmd_rths.compensators]\nderivative = third_party_lead:DERIVATIVE_LEAD\n"
     (metadata / "entry_points.txt").write_text(points)
 
 
@@ -252,8 +254,8 @@ def test_a_third_party_adds_one_file(tmp_path):
     [
         ("x = third_party_lead:make\n", "entry point x of bmd_rths.compensators: third_party_lead:make is no Compen"),
         (
-            "x = third_party_lead:COMPENSATOR\ny = third_party_lead:COMPENSATOR\n",
-            "entry point y of bmd_rths.compensators: there is a compensator 'difference_lead' already",
+            "x = third_party_lead:DERIVATIVE_LEAD\ny = third_party_lead:DERIVATIVE_LEAD\n",
+            "entry point y of bmd_rths.compensators: there is a compensator 'derivative' already",
         ),
     ],
 )

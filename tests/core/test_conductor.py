@@ -13,7 +13,7 @@ from bmd_rths_core.loop.conductor import (
     Conductor,
 )
 from bmd_rths_core.loop.control_stage import ControlStage
-from bmd_rths_core.loop.peers import LONGEST_SILENCE, Peer
+from bmd_rths_core.loop.peers import PEER_LOST_AFTER, Peer
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.safety import Action, Trip
 from bmd_rths_core.table.controller import TableMeasurement
@@ -407,8 +407,8 @@ def test_peer_that_is_silent_during_a_test_ends_it(lockstep):
     while bench.conductor.state is not NodeState.ENDED:
         bench.run(until=bench.now + LOOK_PERIOD)
         bench.tell("a", RUNNING)
-    assert bench.ended == (Outcome.FAILED, f"nothing was heard of b for {LONGEST_SILENCE:g} s")
-    assert LONGEST_SILENCE < bench.now - BOOT <= LONGEST_SILENCE + 2.1 * LOOK_PERIOD
+    assert bench.ended == (Outcome.FAILED, f"nothing was heard of b for {PEER_LOST_AFTER:g} s")
+    assert PEER_LOST_AFTER < bench.now - BOOT <= PEER_LOST_AFTER + 2.1 * LOOK_PERIOD
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.ros import status
-from bmd_rths_nodes.ros.agreement import LARGEST_AGE, LONGEST_SILENCE, Agreement, Heard
+from bmd_rths_nodes.ros.agreement import FORGOTTEN_AFTER, LARGEST_AGE, Agreement, Heard
 from bmd_rths_nodes.ros.parameter_files import parameter_files, refuse_unreached
 from bmd_rths_nodes.ros.status import NodeStatus
 from tests.conftest import WITHOUT_LIMITS
@@ -81,8 +81,8 @@ def test_second_numerical_substructure_is_told_and_not_followed_before_the_first
     shaper.hear(leader)
     assert shaper.hear(other) is Heard.IGNORED
     assert shaper.agreement.obstacle(0.0) == f"a second {LEADER} is there (another process)"
-    assert shaper.hear(other, now=LONGEST_SILENCE) is Heard.ADOPTED
-    assert shaper.agreement.obstacle(LONGEST_SILENCE) == ""
+    assert shaper.hear(other, now=FORGOTTEN_AFTER) is Heard.ADOPTED
+    assert shaper.agreement.obstacle(FORGOTTEN_AFTER) == ""
 
 
 def test_second_node_of_a_role_is_not_believed_and_told_as_long_as_it_is_there():
@@ -92,7 +92,7 @@ def test_second_node_of_a_role_is_not_believed_and_told_as_long_as_it_is_there()
     assert leader.hear(shaper) is Heard.BELIEVED
     assert leader.hear(other) is Heard.IGNORED
     assert leader.agreement.obstacle(0.0) == f"a second {SHAPER} is there (another process)"
-    assert leader.agreement.obstacle(LONGEST_SILENCE) == ""
+    assert leader.agreement.obstacle(FORGOTTEN_AFTER) == ""
     assert shaper.hear(other) is Heard.RIVAL
     other.state = NodeState.TRIPPED
     assert shaper.hear(other) is Heard.IGNORED

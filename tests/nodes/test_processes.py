@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from bmd_rths_nodes.run import processes as supervisor_module
-from bmd_rths_nodes.run.processes import Supervisor
+from bmd_rths_nodes.run.processes import NodeProcesses
 from tests.nodes.conftest import wait_until
 
 #: A process that ends with the second SIGINT, and says how many have come.
@@ -22,13 +22,13 @@ sys.exit(3)
 
 @pytest.fixture
 def stubborn(tmp_path, monkeypatch):
-    """Start the process; return its supervisor, and what it is told."""
+    """Start the process; return what holds it, and what it is told."""
     (tmp_path / "stubborn.py").write_text(STUBBORN)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    supervisor = Supervisor(["stubborn"], tmp_path / "none.yaml", tmp_path)
-    (process,) = supervisor.processes
+    processes = NodeProcesses(["stubborn"], tmp_path / "none.yaml", tmp_path)
+    (process,) = processes.started
     wait_until(lambda: "ready" in process.log.read_text())
-    yield supervisor
+    yield processes
     process.process.kill()
     process.process.wait()
 
@@ -37,7 +37,7 @@ def test_further_interrupt_is_handed_on(stubborn):
     interrupts, told = [2], []
     threading.Timer(0.3, interrupts.append, [2]).start()
     stubborn.stop(1000.0, interrupts, told.append)
-    (process,) = stubborn.processes
+    (process,) = stubborn.started
     assert process.process.returncode == 3
     assert told == ["emergency stop (Ctrl-C again to leave at once)"]
 
@@ -45,7 +45,7 @@ def test_further_interrupt_is_handed_on(stubborn):
 def test_process_that_was_interrupted_before_is_not_interrupted_again_and_killed_in_the_end(stubborn, monkeypatch):
     """A second interrupt would be an emergency stop."""
     monkeypatch.setattr(supervisor_module, "PATIENCE", 0.5)
-    (process,) = stubborn.processes
+    (process,) = stubborn.started
     assert stubborn.first_runs
     stubborn.interrupt_first()
     wait_until(lambda: "1" in process.log.read_text())
@@ -58,7 +58,7 @@ def test_process_that_was_interrupted_before_is_not_interrupted_again_and_killed
 
 def test_operator_who_asks_twice_more_does_not_wait_for_the_table(stubborn, monkeypatch):
     monkeypatch.setattr(supervisor_module, "PATIENCE", 0.5)
-    (process,) = stubborn.processes
+    (process,) = stubborn.started
     process.process.send_signal(19)  # SIGSTOP
     interrupts = []
     for delay in (0.1, 0.2):
@@ -70,6 +70,6 @@ def test_operator_who_asks_twice_more_does_not_wait_for_the_table(stubborn, monk
 def test_processes_of_an_operator_in_a_hurry_are_asked_twice(stubborn):
     told = []
     stubborn.stop(1000.0, [2, 2, 2], told.append, hurried=True)
-    (process,) = stubborn.processes
+    (process,) = stubborn.started
     assert process.process.returncode == 3
     assert told == []

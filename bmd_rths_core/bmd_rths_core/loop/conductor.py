@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from bmd_rths_core.loop.deadlines import DeadlineMonitor
 from bmd_rths_core.loop.numerical_stage import NumericalStage
-from bmd_rths_core.loop.peers import LONGEST_SILENCE, Peer, Peers
+from bmd_rths_core.loop.peers import PEER_LOST_AFTER, Peer, Peers
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.safety import Action, StabilityIndicator, Trip
 from bmd_rths_core.table.controller import TableMeasurement
@@ -277,7 +277,7 @@ class Conductor:
         """End the test when a peer is lost whose messages the loop does not miss: the recorder."""
         self._look_due = now + LOOK_PERIOD
         if silent := self._peers.silent(now):
-            self.end(Outcome.FAILED, f"nothing was heard of {', '.join(silent)} for {LONGEST_SILENCE:g} s", now)
+            self.end(Outcome.FAILED, f"nothing was heard of {', '.join(silent)} for {PEER_LOST_AFTER:g} s", now)
 
     # ---- steps
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from bmd_rths_core.loop.states import NodeState, Outcome
 
 #: A peer that tells nothing for this long is lost [s]; every node tells its status once a second.
-LONGEST_SILENCE = 5.0
+PEER_LOST_AFTER = 5.0
 
 #: States of a peer that has left a test.
 _GONE = (NodeState.INACTIVE, NodeState.ENDED)
@@ -103,4 +103,4 @@ class Peers:
         now : float
             Time [s].
         """
-        return sorted(role for role in self.roles if now - self._heard[role] > LONGEST_SILENCE)
+        return sorted(role for role in self.roles if now - self._heard[role] > PEER_LOST_AFTER)

@@ -52,7 +52,7 @@ TELL_STEPS = 100
 
 #: A test that is under way but silent for this long has lost its numerical substructure [s]; longer than a step of
 #: lockstep may take. A table that moves is waited for in addition to that.
-LONGEST_SILENCE = 6.0
+TEST_LOST_AFTER = 6.0
 
 #: Longest wait for the end of a test that is under way when the process is asked to end [s], besides the way of the
 #: table to rest.
@@ -160,7 +160,7 @@ class RecorderNode(StageNode):
             if self._end is not None and self._is_quiet(silence, self._end):
                 self._close_as_told(self._end)
             elif self._end is None and self.order.steps > 0 and silence > self._longest_silence():
-                self._close("failed", f"no message for {LONGEST_SILENCE:g} s: the numerical substructure is gone", None)
+                self._close("failed", f"no message for {TEST_LOST_AFTER:g} s: the numerical substructure is gone", None)
             return self._flush_due
         return math.inf
 
@@ -170,7 +170,7 @@ class RecorderNode(StageNode):
         return silence > longest and self._quiet_looks > QUIET_LOOKS
 
     def _longest_silence(self) -> float:
-        return LONGEST_SILENCE + (self._time_to_rest if self._table_moves else 0.0)
+        return TEST_LOST_AFTER + (self._time_to_rest if self._table_moves else 0.0)
 
     def _lacks_steps(self, end: End) -> bool:
         """Tell whether messages of an ended test may still come: what got lost is sent again after 3 s only."""

@@ -22,7 +22,7 @@ from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE
 from bmd_rths_nodes.ros.status import NodeStatus
 
 #: A node that has told nothing for this long is gone [s]; every node tells its status once a second.
-LONGEST_SILENCE = 3.0
+FORGOTTEN_AFTER = 3.0
 
 #: A status that is older, or from further in the future, is one of a recording, or of a computer with another time [s].
 LARGEST_AGE = 10.0
@@ -167,7 +167,7 @@ class Agreement:
             return Heard.LATE if late and status.role == NUMERICAL_SUBSTRUCTURE else Heard.IGNORED
         member = self._members.get(status.role)
         if member is not None and member.instance != status.instance:
-            if now - member.heard_at < LONGEST_SILENCE:
+            if now - member.heard_at < FORGOTTEN_AFTER:
                 self._seconds[status.role] = (status.instance, now)
                 return Heard.IGNORED
             member = None
@@ -188,10 +188,10 @@ class Agreement:
         seconds = (
             f"a second {role} is there ({instance})"
             for role, (instance, heard_at) in self._seconds.items()
-            if now - heard_at < LONGEST_SILENCE
+            if now - heard_at < FORGOTTEN_AFTER
         )
         clock = []
-        if self._strange_clock is not None and now - self._strange_clock[1] < LONGEST_SILENCE and not self.run:
+        if self._strange_clock is not None and now - self._strange_clock[1] < FORGOTTEN_AFTER and not self.run:
             clock = [
                 f"what {NUMERICAL_SUBSTRUCTURE} tells is {self._strange_clock[0]:.0f} s old by the clock of this "
                 "computer: it is a recording, or one of the clocks is wrong"
@@ -218,7 +218,7 @@ class Agreement:
             self._strange_clock = (time.time() - status.stamp, now)
             return False
         leader = self._members.get(NUMERICAL_SUBSTRUCTURE)
-        if leader is not None and leader.instance != status.instance and now - leader.heard_at < LONGEST_SILENCE:
+        if leader is not None and leader.instance != status.instance and now - leader.heard_at < FORGOTTEN_AFTER:
             self._seconds[NUMERICAL_SUBSTRUCTURE] = (status.instance, now)
             return False
         self._forget()

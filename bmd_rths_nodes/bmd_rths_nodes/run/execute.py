@@ -14,7 +14,7 @@ from bmd_rths_nodes.run.domain_lock import another_run, domain_lock
 from bmd_rths_nodes.run.follower import RunFollower
 from bmd_rths_nodes.run.monitor import RunMonitor
 from bmd_rths_nodes.run.operator_stop import OperatorStop
-from bmd_rths_nodes.run.processes import Supervisor
+from bmd_rths_nodes.run.processes import NodeProcesses
 
 #: The modules of the processes of a test; the one with the numerical substructure is the first.
 PROCESSES = tuple(role.module for role in ROLES.values())
@@ -78,16 +78,16 @@ def run_on_ros(
             raise another_run(", ".join(others))
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
-        supervisor = Supervisor(modules, parameter_file, Path(scratch))
-        monitor.believe_only(supervisor.owns)
-        operator = OperatorStop(monitor, supervisor, interrupts, log, config.table.halt_time)
+        processes = NodeProcesses(modules, parameter_file, Path(scratch))
+        monitor.believe_only(processes.owns)
+        operator = OperatorStop(monitor, processes, interrupts, log, config.table.halt_time)
         # Twice: what the clock has added up to may have to be taken back by a second way.
         time_to_rest = 2.0 * longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
         try:
-            follower = RunFollower(monitor, supervisor, operator, time_to_rest)
+            follower = RunFollower(monitor, processes, operator, time_to_rest)
             while (bag := follower.look()) is None:
                 on_progress(*follower.progress)
             return RecordedRun(bag, follower.problem)
         finally:
-            supervisor.stop(time_to_rest, interrupts, log, hurried=operator.leaving)
+            processes.stop(time_to_rest, interrupts, log, hurried=operator.leaving)
             monitor.believe_only(lambda told: True)

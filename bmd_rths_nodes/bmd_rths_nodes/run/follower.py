@@ -11,7 +11,7 @@ from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, TABLE_DRIV
 from bmd_rths_nodes.run.graph_state import number
 from bmd_rths_nodes.run.monitor import RunMonitor
 from bmd_rths_nodes.run.operator_stop import OperatorStop
-from bmd_rths_nodes.run.processes import Supervisor
+from bmd_rths_nodes.run.processes import NodeProcesses
 
 #: Time between two looks [s].
 LOOK_PERIOD = 0.05
@@ -44,7 +44,7 @@ class RunFollower:
     ----------
     monitor : RunMonitor
         Hears the nodes.
-    supervisor : Supervisor
+    processes : NodeProcesses
         Their processes.
     operator : OperatorStop
         Hands on what the operator asks for.
@@ -58,10 +58,10 @@ class RunFollower:
     """
 
     def __init__(
-        self, monitor: RunMonitor, supervisor: Supervisor, operator: OperatorStop, time_to_rest: float
+        self, monitor: RunMonitor, processes: NodeProcesses, operator: OperatorStop, time_to_rest: float
     ) -> None:
         self._monitor = monitor
-        self._supervisor = supervisor
+        self._processes = processes
         self._operator = operator
         self.problem = ""
         self._give_up = time.perf_counter() + START_TIMEOUT
@@ -138,12 +138,12 @@ class RunFollower:
             self.problem = tripped
             undisturbed = False
             self._end_due = time.perf_counter() + FAREWELL_TIME  # a test it has part in ends by itself, with a bag
-        lost = self._supervisor.lost()
+        lost = self._processes.lost()
         if lost is not None and undisturbed:
             self.problem = f"{lost.name} ended with status {lost.process.returncode}: {lost.last_words()}"
             undisturbed = False
             if lost.name == RECORDER:  # a test that is not recorded is of no use
-                self._supervisor.interrupt_first()
+                self._processes.interrupt_first()
                 self._closing = self._time_to_rest + FAREWELL_TIME
         if self._state == NodeState.RUNNING and undisturbed:
             self._wait_for(math.inf)
@@ -162,7 +162,7 @@ class RunFollower:
         """Tell whether the numerical substructure, of which nothing was heard yet, may run a test all the same."""
         now = time.perf_counter()
         self._hear_from = min(self._hear_from, now)
-        there = self._supervisor.first_runs and NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
+        there = self._processes.first_runs and NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
         longest = LONGEST_HEARING_TIMEOUT if there else HEARING_TIMEOUT
         return not self._state and now < self._hear_from + longest
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP
 from bmd_rths_nodes.run.monitor import RunMonitor
-from bmd_rths_nodes.run.processes import Supervisor
+from bmd_rths_nodes.run.processes import NodeProcesses
 
 #: Longest wait for the answer of the table driver [s], which is asked more than once meanwhile. At an emergency stop it
 #: waits for the table controller itself.
@@ -27,7 +27,7 @@ class OperatorStop:
     ----------
     monitor : RunMonitor
         Asks the table driver.
-    supervisor : Supervisor
+    processes : NodeProcesses
         Its numerical substructure is asked to end the test when the table driver does not answer.
     interrupts : sequence of int
         Signals received so far; a handler appends to it.
@@ -40,13 +40,13 @@ class OperatorStop:
     def __init__(
         self,
         monitor: RunMonitor,
-        supervisor: Supervisor,
+        processes: NodeProcesses,
         interrupts: Sequence[int],
         log: Callable[[str], None],
         halt_time: float,
     ) -> None:
         self._monitor = monitor
-        self._supervisor = supervisor
+        self._processes = processes
         self._interrupts = interrupts
         self._log = log
         self._halt_time = halt_time
@@ -81,4 +81,4 @@ class OperatorStop:
         if time.perf_counter() > self._answer_due:
             self._answer_due = math.inf
             self._log("the table driver does not answer; the numerical substructure is asked to end the test")
-            self._supervisor.interrupt_first()
+            self._processes.interrupt_first()

@@ -59,7 +59,7 @@ class Supervised:
         return lines[-1].removeprefix("error: ") if lines else "it wrote nothing"
 
 
-class Supervisor:
+class NodeProcesses:
     """The processes of one run.
 
     Parameters
@@ -74,7 +74,7 @@ class Supervisor:
 
     def __init__(self, modules: Sequence[str], parameter_file: Path, log_folder: Path) -> None:
         environment = {**os.environ, SUPERVISOR_VARIABLE: str(os.getpid())}
-        self.processes: list[Supervised] = []
+        self.started: list[Supervised] = []
         for module in modules:
             log = log_folder / f"{module.rpartition('.')[2]}.log"
             with open(log, "wb") as output:
@@ -84,14 +84,14 @@ class Supervisor:
                     stdout=output,
                     stderr=subprocess.STDOUT,
                     env=environment,
-                    # Ctrl-C on the terminal must reach the supervisor only, which ends the run in order.
+                    # Ctrl-C on the terminal must reach this process only, which ends the run in order.
                     start_new_session=True,
                 )
-            self.processes.append(Supervised(module, process, log))
+            self.started.append(Supervised(module, process, log))
 
     def lost(self) -> Supervised | None:
         """Return a process that has ended, if there is one."""
-        return next((p for p in self.processes if p.process.poll() is not None), None)
+        return next((p for p in self.started if p.process.poll() is not None), None)
 
     def owns(self, status: NodeStatus) -> bool:
         """Tell whether a status was told by one of the processes, and not by a node of somebody else.
@@ -101,16 +101,16 @@ class Supervisor:
         status : NodeStatus
             The status.
         """
-        return any(is_of_process(status.instance, supervised.process.pid) for supervised in self.processes)
+        return any(is_of_process(status.instance, supervised.process.pid) for supervised in self.started)
 
     @property
     def first_runs(self) -> bool:
         """True while there is a process with the numerical substructure."""
-        return self.processes[0].process.poll() is None
+        return self.started[0].process.poll() is None
 
     def interrupt_first(self) -> None:
         """Ask the process with the numerical substructure to end the test."""
-        self.processes[0].interrupt()
+        self.started[0].interrupt()
 
     def stop(
         self, time_to_rest: float, interrupts: Sequence[int], log: Callable[[str], None], hurried: bool = False
@@ -149,4 +149,4 @@ class Supervisor:
             supervised.process.wait()
 
     def _running(self) -> list[Supervised]:
-        return [supervised for supervised in self.processes if supervised.process.poll() is None]
+        return [supervised for supervised in self.started if supervised.process.poll() is None]
