@@ -44,7 +44,17 @@ class Curve(NamedTuple):
 
 
 class Plot(NamedTuple):
-    """Curves over time, or the second over the first."""
+    """One panel.
+
+    Parameters
+    ----------
+    title : str
+        Quantity and unit.
+    curves : tuple of Curve
+        What it shows.
+    over_time : bool
+        False for the second curve over the first.
+    """
 
     title: str
     curves: tuple[Curve, ...]

@@ -394,10 +394,13 @@ class Silent:
 )
 def test_buttons_are_as_many_presses_of_ctrl_c(buttons, asked, presses):
     interrupts = []
-    assert buttons._on_ask("stop") == "no test has begun"
+    assert buttons._on_ask("stop") == "no test is running"
     buttons.follow(interrupts)
     for what in asked:
         buttons._on_ask(what)
+    assert len(interrupts) == presses
+    buttons.leave()
+    assert buttons._on_ask("emergency_stop") == "no test is running"
     assert len(interrupts) == presses
 
 

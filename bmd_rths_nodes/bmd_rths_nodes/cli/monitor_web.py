@@ -114,6 +114,10 @@ class RunPage:
         if not self._ending:
             self._ending, self._presses_before = True, len(self._interrupts or ())
 
+    def leave(self) -> None:
+        """Hand nothing on any more: no process of the test is left."""
+        self._interrupts = None
+
     def show(self, bag: str) -> None:
         """Show a bag."""
         self._page.show(bag)
@@ -126,7 +130,7 @@ class RunPage:
     def _on_ask(self, what: str) -> str:
         interrupts = self._interrupts
         if interrupts is None:
-            return "no test has begun"
+            return "no test is running"
         presses = self._presses_before + self._PRESSES[what] - self._ending
         while len(interrupts) < presses:
             interrupts.append(0)

@@ -81,21 +81,21 @@ def run(
     motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
     folder = output if output is not None else Path(resolved.recorder.directory)
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
-    with output_folder(folder), RunMonitor() as monitor:  # looks for another run while this one is predicted
-        prediction = preflight.checked(resolved, motion)
-        if prediction is not None:
-            log(preflight.in_words(resolved, prediction))
-        try:
-            with _page(with_page, port) as page:
+    with _page(with_page, port) as page:  # to the very end, so that a browser sees how the test has ended
+        with output_folder(folder), RunMonitor() as monitor:  # looks for another run while this one is predicted
+            prediction = preflight.checked(resolved, motion)
+            if prediction is not None:
+                log(preflight.in_words(resolved, prediction))
+            try:
                 bag = _run(resolved, motion.steps, COMPOSED_PROCESSES if composed else PROCESSES, monitor, page)
-        except RunFailed as error:
-            log(f"error: {error}")
-            return 1
-    record = read_bag(bag)
-    _explain_misses(record)
-    predicted = None if prediction is None else preflight.as_mapping(prediction)
-    show({**result_of(analysed(record)), "preflight": predicted, "bag": str(bag)}, as_json)
-    return 0 if record.outcome == "finished" else 1
+            except RunFailed as error:
+                log(f"error: {error}")
+                return 1
+        record = read_bag(bag)
+        _explain_misses(record)
+        predicted = None if prediction is None else preflight.as_mapping(prediction)
+        show({**result_of(analysed(record)), "preflight": predicted, "bag": str(bag)}, as_json)
+        return 0 if record.outcome == "finished" else 1
 
 
 def _explain_misses(record: RunRecord) -> None:
@@ -149,7 +149,11 @@ def _run(
                     page.end()
 
         tell = log if page is None else page.log
-        recorded = run_on_ros(config, modules, monitor, interrupts, tell, show_progress)
+        try:
+            recorded = run_on_ros(config, modules, monitor, interrupts, tell, show_progress)
+        finally:
+            if page is not None:
+                page.leave()
     if recorded.problem:
         log(f"error: {recorded.problem}")
     return recorded.bag
