@@ -13,7 +13,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "monitor_page/static/*.*", "monitor_page/static/uplot/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -22,11 +22,15 @@ setup(
         # `ros2 run` looks for executables here; pip and colcon both take them from this one list.
         (f"lib/{NAME}", sorted(glob("scripts/*"))),
     ],
-    entry_points={"console_scripts": ["bmd-rths = bmd_rths_nodes.cli.main:main"]},
-    install_requires=["bmd_rths_core", "bmd_rths_msgs_py", "click", "matplotlib", "rich", "PyYAML"],
+    entry_points={
+        "console_scripts": ["bmd-rths = bmd_rths_nodes.cli.main:main"],
+        "ros2doctor.checks": ["BmdRthsCheck = bmd_rths_nodes.doctor.ros2:BmdRthsCheck"],
+    },
+    install_requires=["bmd_rths_core", "bmd_rths_msgs_py", "click", "matplotlib", "rich", "PyYAML", "tornado"],
     # What needs no graph needs no ROS: it comes from the setup file of a ROS installation, or from these wheels.
     extras_require={
         "cluster": ["distributed"],
+        "foxglove": ["foxglove-sdk"],
         "parquet": ["pyarrow"],
         "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
     },

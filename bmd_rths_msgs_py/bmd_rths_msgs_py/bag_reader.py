@@ -209,11 +209,7 @@ class _Contents:
 
     def take_custom_data(self, file: Path) -> None:
         """Take the story of the run from ``metadata.yaml``: tools that rewrite a bag drop the records of the MCAP."""
-        try:
-            story = yaml.safe_load(_read_metadata(file))["rosbag2_bagfile_information"]["custom_data"]
-        except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
-            return
-        if isinstance(story, dict) and "configuration" in story:
+        if story := custom_data(file):
             self.metadata[START_RECORD] = story
             if "outcome" in story:
                 self.metadata[END_RECORD] = story
@@ -247,7 +243,7 @@ class _Contents:
             **signals,
             floor_accelerations=floor_accelerations,
             configuration=configuration,
-            motion=_motion(story),
+            motion=motion_of(story),
             versions=read_object(story, "versions"),
             outcome=outcome,
             reason=reason,
@@ -266,7 +262,7 @@ class _Contents:
         for data in self.messages[self._name(topic)]:
             try:
                 stamp_ns, value = unpack(data)
-                found[_step(stamp_ns, time_step_ns)] = value
+                found[step_of_stamp(stamp_ns, time_step_ns)] = value
             except MalformedMessage as problem:
                 self.malformed.append(f"{topic.full_name}: {problem}")
         return found
@@ -281,7 +277,7 @@ class _Contents:
                     floors = count_floors(data)
                     unpack = MeasurementCodec(floors, time_step_ns).unpack
                 stamp_ns, measurement = unpack(data)
-                found[_step(stamp_ns, time_step_ns)] = measurement
+                found[step_of_stamp(stamp_ns, time_step_ns)] = measurement
             except MalformedMessage as problem:
                 self.malformed.append(f"{MEASUREMENT.full_name}: {problem}")
         return found, floors if found else 0
@@ -328,7 +324,7 @@ def open_regular(path: Path) -> IO[bytes]:
     return path.open("rb")
 
 
-def records_until_damage(stream: IO[bytes]) -> Iterator[McapRecord]:
+def records_until_damage(stream: IO[bytes], whole_file: bool = True) -> Iterator[McapRecord]:
     """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum.
 
     Only one chunk is in memory at a time.
@@ -337,8 +333,13 @@ def records_until_damage(stream: IO[bytes]) -> Iterator[McapRecord]:
     ----------
     stream : IO of bytes
         The file.
+    whole_file : bool
+        False for records out of the middle of a file, which has its mark at its beginning only.
     """
-    records = StreamReader(stream, validate_crcs=True, emit_chunks=True, record_size_limit=MAX_RECORD).records
+    reader = StreamReader(
+        stream, skip_magic=not whole_file, validate_crcs=True, emit_chunks=True, record_size_limit=MAX_RECORD
+    )
+    records = reader.records
     while True:
         try:
             record = next(records)
@@ -363,7 +364,16 @@ def _read_metadata(file: Path) -> str:
         return ""
 
 
-def _motion(story: Mapping[str, str]) -> dict[str, object]:
+def custom_data(file: Path) -> dict[str, str]:
+    """Return the story of a run from a ``metadata.yaml``; empty when it has none."""
+    try:
+        story = yaml.safe_load(_read_metadata(file))["rosbag2_bagfile_information"]["custom_data"]
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
+        return {}
+    return story if isinstance(story, dict) and "configuration" in story else {}
+
+
+def motion_of(story: Mapping[str, str]) -> dict[str, object]:
     """Return what a bag tells of its ground motion, with what it does not tell as unknown."""
     if "motion" not in story:
         raise InputError(f"its record {START_RECORD!r} has no entry 'motion'; the ground motion of the run is unknown")
@@ -374,7 +384,8 @@ def _motion(story: Mapping[str, str]) -> dict[str, object]:
     return {**dict.fromkeys(_OF_MOTION, "unknown"), **told}
 
 
-def _step(stamp_ns: int, time_step_ns: int) -> int:
+def step_of_stamp(stamp_ns: int, time_step_ns: int) -> int:
+    """Return the step of a stamp; one that is no multiple of Δt, or of another clock, is malformed."""
     step, remainder = divmod(stamp_ns, time_step_ns)
     if remainder or step >= MAX_STEPS:
         raise MalformedMessage(f"stamp {stamp_ns} ns is not that of a step")

@@ -1,5 +1,7 @@
 """One test: the five nodes of the loop, and the recorder. The nodes start themselves; Ctrl-C ends them in order."""
 
+import os
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import PathJoinSubstitution
@@ -19,6 +21,9 @@ OVERRIDES = {
     "table": "table.controller",
 }
 
+#: Choices of a launch argument that switches something.
+SWITCH = ["true", "false"]
+
 #: Exit status of a node that does not accept its parameters.
 REFUSED = 2
 
@@ -34,12 +39,28 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("component", default_value="", description="Component of a motion with several"),
             DeclareLaunchArgument("table", default_value="", description="Table controller, or udp://HOST:PORT"),
             DeclareLaunchArgument(
-                "record", default_value="true", choices=["true", "false"], description="Record the test into a bag"
+                "record", default_value="true", choices=SWITCH, description="Record the test into a bag"
+            ),
+            DeclareLaunchArgument("output", default_value="", description="Folder the bag is written into"),
+            DeclareLaunchArgument(
+                "duration", default_value="", description="Length of the ground motion that is run, from its begin [s]"
+            ),
+            DeclareLaunchArgument(
+                "lockstep",
+                default_value="false",
+                choices=SWITCH,
+                description="Start each step when the last one has closed, as fast as it goes",
+            ),
+            DeclareLaunchArgument(
+                "autostart",
+                default_value="true",
+                choices=SWITCH,
+                description="Configure and activate the nodes; without, the laboratory does, node by node",
             ),
             DeclareLaunchArgument(
                 "composed",
                 default_value="false",
-                choices=["true", "false"],
+                choices=SWITCH,
                 description="The five nodes of the loop in one process, which closes a step several times as fast",
             ),
             DeclareLaunchArgument(
@@ -54,22 +75,36 @@ def generate_launch_description() -> LaunchDescription:
 
 def _nodes(context: LaunchContext) -> list[Node]:
     given = context.launch_configurations
-    try:
-        float(given["sigterm_timeout"])
-    except ValueError:
-        raise ValueError(f"sigterm_timeout: {given['sigterm_timeout']!r} is not a number of seconds") from None
+    for name in ("sigterm_timeout", "duration"):
+        _check_seconds(name, given[name])
     record = given["record"] == "true"
     texts = {name: given[key] for key, name in OVERRIDES.items() if given[key]}
     if "://" in given["table"]:
         texts |= {"table.controller": "udp", "table.address": given["table"]}
     overrides = {name: ParameterValue(text, value_type=str) for name, text in texts.items()}
-    parameters = [given["config"], {**overrides, "run.record": record}]
+    if given["duration"]:
+        overrides["ground_motion.duration"] = float(given["duration"])
+    if given["output"]:
+        # A relative folder is one of the person, not of wherever a node runs.
+        overrides["recorder.directory"] = ParameterValue(os.path.abspath(given["output"]), value_type=str)
+    switches = {"run.record": record, "autostart": given["autostart"] == "true"}
+    if given["lockstep"] == "true":  # without, the file decides
+        switches["run.lockstep"] = True
+    parameters = [given["config"], {**overrides, **switches}]
     loop = [COMPOSED_LOOP] if given["composed"] == "true" else [role.name for role in LOOP]
     others = [role.name for role in ROLES.values() if role not in LOOP]
     return [
         Node(package=PACKAGE, executable=name, parameters=parameters, output="screen", on_exit=_on_exit_of(name))
         for name in (*loop, *(others if record else []))
     ]
+
+
+def _check_seconds(name: str, text: str) -> None:
+    """Refuse what is no time before anything is started."""
+    try:
+        float(text or 0.0)
+    except ValueError:
+        raise ValueError(f"{name}: {text!r} is not a number of seconds") from None
 
 
 def _on_exit_of(name: str):

@@ -18,6 +18,10 @@ GIVEN = {
     "component": "",
     "table": "",
     "record": "true",
+    "output": "",
+    "duration": "",
+    "lockstep": "false",
+    "autostart": "true",
     "composed": "false",
     "sigterm_timeout": "20",
 }
@@ -74,7 +78,12 @@ def test_every_executable_exists(nodes):
 
 def test_without_arguments_the_file_decides(nodes):
     for node in nodes().values():
-        assert node.parameters == ["my.yaml", {"run.record": True}]
+        assert node.parameters == ["my.yaml", {"run.record": True, "autostart": True}]
+
+
+def configured(overrides):
+    """Return the configuration that some parameters make; autostart belongs to no section."""
+    return Config().changed(**{name.replace(".", "__"): value for name, value in overrides.items() if "." in name})
 
 
 def test_arguments_become_parameters(nodes):
@@ -83,15 +92,26 @@ def test_arguments_become_parameters(nodes):
     for node in started.values():
         file, overrides = node.parameters
         assert file == "my.yaml"
-        config = Config().changed(**{name.replace(".", "__"): value for name, value in overrides.items()})
+        assert overrides["autostart"] is True
+        config = configured(overrides)
         assert (config.run.scheme, config.run.record) == ("uc", False)
         assert (config.ground_motion.record, config.table.controller) == ("123", "simulated")
 
 
+def test_length_folder_and_lockstep_of_a_test(nodes, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    _, overrides = nodes(duration="3", output="bags", lockstep="true", autostart="false")["recorder"].parameters
+    assert overrides["autostart"] is False
+    config = configured(overrides)
+    assert (config.ground_motion.duration, config.run.lockstep) == (3.0, True)
+    assert config.recorder.directory == str(tmp_path / "bags")
+
+
 def test_time_that_is_no_number_is_refused_before_anything_starts(nodes):
     """Launch itself would find out at the end, and then hang."""
-    with pytest.raises(ValueError, match=r"^sigterm_timeout: 'soon' is not a number of seconds$"):
-        nodes(sigterm_timeout="soon")
+    for name in ("sigterm_timeout", "duration"):
+        with pytest.raises(ValueError, match=rf"^{name}: 'soon' is not a number of seconds$"):
+            nodes(**{name: "soon"})
 
 
 @pytest.mark.parametrize(

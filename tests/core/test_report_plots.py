@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from bmd_rths_core.analysis.run_analysis import analysed
 from bmd_rths_core.analysis.step_timing import StepTiming
+from bmd_rths_core.analysis.thinning import thinned
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from bmd_rths_core.plots.histories import thinned
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
 from bmd_rths_core.plots.svg import svg
 from bmd_rths_core.report.document import Document, Folded, Paragraph, Picture, Section, Table

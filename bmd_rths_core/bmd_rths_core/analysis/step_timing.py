@@ -42,3 +42,24 @@ class StepTiming:
         """Time between the beginnings of neighbouring steps, at the recorder [ms]."""
         following = np.diff(self.steps) == 1
         return np.asarray(1e3 * np.diff(self.begun)[following])
+
+    def closure_histogram(self, bins: int = 40) -> tuple[list[float], list[int], int]:
+        """Count the steps by their closure.
+
+        Parameters
+        ----------
+        bins : int
+            Number of bins up to twice the deadline.
+
+        Returns
+        -------
+        edges_ms : list of float
+            Lower edges of the bins [ms].
+        counts : list of int
+            Steps in each.
+        beyond : int
+            Steps that took longer than twice the deadline.
+        """
+        closure, end = self.closure_ms, 2e3 * self.time_step
+        counts, edges = np.histogram(np.clip(closure, 0.0, None), bins=bins, range=(0.0, end))
+        return edges[:-1].tolist(), counts.tolist(), int(np.count_nonzero(closure > end))

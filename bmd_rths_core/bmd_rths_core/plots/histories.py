@@ -8,10 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from bmd_rths_core.analysis.thinning import thinned
 
-#: Parts of a curve of which the smallest and the largest value are drawn.
-_PARTS = 700
+FloatArray = NDArray[np.float64]
 
 
 def plot_history(axes: Axes, time: FloatArray, values: FloatArray, **look: Any) -> None:
@@ -41,15 +40,3 @@ def between(time: FloatArray, values: FloatArray, window: tuple[float, float]) -
     """
     inside = (time >= window[0]) & (time <= window[1])
     return time[inside], values[inside]
-
-
-def thinned(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a curve with the smallest and the largest value of each of many short parts."""
-    length = len(values) // _PARTS
-    if length < 3 or not np.isfinite(values).all():
-        return time, values
-    whole = length * (len(values) // length)
-    parts = values[:whole].reshape(-1, length)
-    ends = np.sort(np.column_stack((parts.argmin(axis=1), parts.argmax(axis=1))), axis=1)
-    kept = np.append((ends + length * np.arange(len(parts))[:, None]).ravel(), np.arange(whole, len(values)))
-    return time[kept], values[kept]

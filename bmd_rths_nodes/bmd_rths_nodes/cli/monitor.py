@@ -1,4 +1,4 @@
-"""``bmd-rths monitor``: show the run on this ROS domain, live in the terminal."""
+"""``bmd-rths monitor``: show the run on this ROS domain, live in the terminal or, with recordings, on a page."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -38,19 +39,43 @@ _UNITS = {"displacement": (1e3, "mm"), "acceleration": (1.0, "m/s²"), "force": 
 _QUANTITIES = {"displacement": "displacement", "acceleration": "command", "force": "actuator force"}
 
 
-@click.command(epilog="Example: bmd-rths monitor --once --json")
+@click.command(epilog="Example: bmd-rths monitor --web")
+@click.argument("recordings", metavar="[BAG|FOLDER]", required=False, type=click.Path(path_type=Path))
 @click.option("--once", is_flag=True, help="Print one picture and leave.")
+@click.option("--web", is_flag=True, help="Show a page for a browser on this computer, with STOP and EMERGENCY STOP.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port of the page. [default: any that is free]")
+@click.option(
+    "--foxglove",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="Let Foxglove watch too, on this port; read-only.",
+)
 @json_option
-def monitor(once: bool, as_json: bool) -> int:
+def monitor(recordings: Path | None, once: bool, web: bool, port: int, foxglove: int | None, as_json: bool) -> int:
     """Watch the run on this ROS domain: nodes, deadlines, table, limits and recording.
 
     It only listens to /diagnostics; a test neither notices it nor waits for it. Ctrl-C ends it and nothing else.
-    --json implies --once.
+
+    --web shows every signal as well, from the bag while it is written: the page listens to no topic. With a BAG, or a
+    FOLDER of bags or of a campaign, it shows that recording and needs no ROS.
+
+    --json implies --once; with --web it prints the address.
     """
+    from bmd_rths_nodes.cli import monitor_web
+
+    if once and (web or recordings is not None):
+        raise click.UsageError("--once prints a picture, --web and BAG show a page; one of them is required")
+    if foxglove is not None and not web and recordings is None:
+        raise click.UsageError("--foxglove belongs to --web")
+    if recordings is not None:
+        with collected_interrupts() as interrupts:
+            return monitor_web.show_recordings(recordings, port, foxglove, as_json, interrupts)
     require_ros("monitor")
     from bmd_rths_nodes.run.monitor import RunMonitor
 
     with collected_interrupts() as interrupts, RunMonitor() as run:
+        if web:
+            return monitor_web.show_graph(run, port, foxglove, as_json, interrupts)
         if once or as_json:
             return _print_once(run, as_json, interrupts)
         with Live(console=Console(), auto_refresh=False) as live:

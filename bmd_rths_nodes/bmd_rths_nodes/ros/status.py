@@ -2,61 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from bmd_rths_core.loop.states import NodeState
+from bmd_rths_msgs_py.node_status import HARDWARE_ID, STATES, NodeStatus
 
-HARDWARE_ID = "bmd_rths"
-
-_STATES = {str(state) for state in NodeState}
+__all__ = ["ERROR", "HARDWARE_ID", "OK", "WARN", "NodeStatus", "from_message", "to_message"]
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
-
-@dataclass(frozen=True)
-class NodeStatus:
-    """What a node says of itself.
-
-    Parameters
-    ----------
-    node : str
-        Fully qualified node name.
-    state : NodeState
-        What it does.
-    level : bytes
-        `OK`, `WARN` or `ERROR`.
-    message : str
-        One line for a person.
-    values : Mapping of str to str
-        Everything else.
-    stamp : float
-        Wall time at which it was said [s].
-    """
-
-    node: str
-    state: NodeState
-    level: bytes = OK
-    message: str = ""
-    values: Mapping[str, str] = field(default_factory=dict)
-    stamp: float = 0.0
-
-    @property
-    def run(self) -> str:
-        """Id of the test the node takes part in; empty while there is none."""
-        return self.values.get("run", "")
-
-    @property
-    def instance(self) -> str:
-        """What tells its process from every other one."""
-        return self.values.get("instance", "")
-
-    @property
-    def role(self) -> str:
-        """Role of the node: its name without namespace."""
-        return self.node.rpartition("/")[2]
 
 
 def to_message(status: NodeStatus, seconds: int, nanoseconds: int) -> DiagnosticArray:
@@ -107,6 +60,6 @@ def from_message(message: DiagnosticArray) -> list[NodeStatus]:
     for entry in message.status:
         values = {pair.key: pair.value for pair in entry.values}
         state = values.pop("state", "")
-        if entry.hardware_id == HARDWARE_ID and state in _STATES:
+        if entry.hardware_id == HARDWARE_ID and state in STATES:
             found.append(NodeStatus(entry.name, NodeState(state), entry.level, entry.message, values, stamp))
     return found

@@ -20,6 +20,9 @@ from bmd_rths_nodes.run.processes import NodeProcesses
 PROCESSES = tuple(role.module for role in ROLES.values())
 COMPOSED_PROCESSES = (module_of(COMPOSED_LOOP), *(role.module for role in ROLES.values() if role not in LOOP))
 
+#: Text of the state of a test whose processes are ended.
+ENDING = "ending"
+
 
 class RecordedRun(NamedTuple):
     """A test whose bag is closed.
@@ -59,7 +62,8 @@ def run_on_ros(
     log : callable
         Prints one line for the operator.
     on_progress : callable
-        Called with a text of the state of the test and the steps begun, several times a second.
+        Called with a text of the state of the test and the steps begun, several times a second, and with `ENDING` when
+        the processes are to be ended.
 
     Returns
     -------
@@ -84,10 +88,17 @@ def run_on_ros(
         # Twice: what the clock has added up to may have to be taken back by a second way.
         time_to_rest = 2.0 * longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
         try:
-            follower = RunFollower(monitor, processes, operator, time_to_rest)
-            while (bag := follower.look()) is None:
-                on_progress(*follower.progress)
-            return RecordedRun(bag, follower.problem)
+            return _followed(RunFollower(monitor, processes, operator, time_to_rest), on_progress)
         finally:
             processes.stop(time_to_rest, interrupts, log, hurried=operator.leaving)
             monitor.believe_only(lambda told: True)
+
+
+def _followed(follower: RunFollower, on_progress: Callable[[str, int], None]) -> RecordedRun:
+    """Follow a test until its bag is closed."""
+    try:
+        while (bag := follower.look()) is None:
+            on_progress(*follower.progress)
+        return RecordedRun(bag, follower.problem)
+    finally:
+        on_progress(ENDING, follower.progress[1])

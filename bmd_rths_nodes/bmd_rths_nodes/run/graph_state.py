@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from bmd_rths_msgs_py.node_status import NodeStatus
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, ROLES, TABLE_DRIVER
-from bmd_rths_nodes.ros.status import NodeStatus
 
 #: Counts of a node that are not zero when messages did not arrive as they should.
 COUNTS = ("lost", "out_of_order", "malformed")

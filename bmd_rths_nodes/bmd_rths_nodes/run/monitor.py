@@ -146,6 +146,18 @@ class RunMonitor:
         names = self._node.get_node_names_and_namespaces()
         return sorted({name for name, namespace in names if namespace == f"/{NAMESPACE}" and name in ROLES})
 
+    def all_nodes(self) -> list[str]:
+        """Return the full names of all nodes on the domain that are discovered by now, without this one.
+
+        Returns
+        -------
+        list of str
+            In the order of the alphabet; hidden ones are left out.
+        """
+        own = self._node.get_name()
+        names = self._node.get_node_names_and_namespaces()
+        return sorted({f"{place.rstrip('/')}/{name}" for name, place in names if name != own and name[:1] != "_"})
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for told in status.from_message(message):
             before = self.status.get(told.role)

@@ -1,0 +1,27 @@
+"""The same looks as a check of ``ros2 doctor``, where ros2cli is there; nothing is measured."""
+
+from __future__ import annotations
+
+from ros2doctor.api import DoctorCheck, Result
+
+from bmd_rths_nodes.doctor.finding import PROBLEM, WARNING
+from bmd_rths_nodes.doctor.machine import Machine
+
+
+class BmdRthsCheck(DoctorCheck):
+    """Look at what a test in real time needs."""
+
+    def category(self) -> str:
+        """Return the name of the check."""
+        return "bmd_rths"
+
+    def check(self) -> Result:
+        """Look at this computer."""
+        result = Result()
+        for finding in Machine().findings():
+            text = f"{finding.name}: {finding.found}; {finding.advice}"
+            if finding.level == PROBLEM:
+                result.add_error(text)
+            elif finding.level == WARNING:
+                result.add_warning(text)
+        return result
