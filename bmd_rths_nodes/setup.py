@@ -30,6 +30,7 @@ setup(
     # What needs no graph needs no ROS: it comes from the setup file of a ROS installation, or from these wheels.
     extras_require={
         "cluster": ["distributed"],
+        "export": ["h5py", "pyarrow"],
         "foxglove": ["foxglove-sdk"],
         "parquet": ["pyarrow"],
         "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],

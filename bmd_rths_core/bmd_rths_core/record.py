@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.rest_record import REST_SIGNALS, RestRecord
 from bmd_rths_core.signals import SIGNALS
 from bmd_rths_core.version import __version__
 
@@ -107,6 +108,9 @@ class RunRecord:
         nobody was asked: a run in process, and a recording without an end.
     source : str
         ``"in process"`` or the path of the bag.
+    way_to_rest : RestRecord, optional
+        What followed the last step. None where there was nothing: the controller stopped the table, or nobody recorded
+        it, as in older bags.
     """
 
     time_step: float
@@ -130,6 +134,7 @@ class RunRecord:
     timing: TimingStatistics | None = None
     told_controller: str | None = None
     source: str = "in process"
+    way_to_rest: RestRecord | None = None
 
     @property
     def steps(self) -> int:
@@ -182,6 +187,30 @@ class RunRecord:
     def signals(self) -> dict[str, FloatArray]:
         """Return every recorded signal by name."""
         return {signal.name: getattr(self, signal.name) for signal in SIGNALS}
+
+    def continued(self, name: str) -> FloatArray:
+        """Return a signal of the table with the way to rest behind it: row k belongs to step k.
+
+        Parameters
+        ----------
+        name : str
+            One of `rest_record.REST_SIGNALS`.
+
+        Returns
+        -------
+        ndarray, shape (N + M,) or less
+            Of a step that both have, the command that the supervisor refused say, the way to rest is what happened.
+        """
+        if name not in REST_SIGNALS:
+            raise ValueError(f"{name!r} is no signal of the way to rest; one of {', '.join(REST_SIGNALS)} is required")
+        values: FloatArray = getattr(self, name)
+        rest = self.way_to_rest
+        if rest is None:
+            return values
+        whole = np.full((max(self.steps, rest.first_step + rest.steps), *values.shape[1:]), np.nan)
+        whole[: self.steps] = values
+        whole[rest.first_step : rest.first_step + rest.steps] = getattr(rest, name)
+        return whole
 
     def same_signals(self, other: RunRecord) -> bool:
         """Tell whether every signal equals that of another record bit for bit (a NaN equals a NaN).

@@ -8,10 +8,13 @@ from typing import Any
 import yaml
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS
+from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, WAY_TO_REST_TOPICS
 
 #: Topics whose messages are the signals of a record.
 SIGNAL_TOPICS = (*SCALAR_TOPICS, MEASUREMENT)
+
+#: The same with the way to rest, which a bag may lack.
+READ_TOPICS = (*SIGNAL_TOPICS, *WAY_TO_REST_TOPICS)
 
 #: Largest `metadata.yaml` that is read [characters].
 MAX_METADATA = 10_000_000
@@ -96,7 +99,7 @@ def shortfall(promised: Mapping[str, int], counted: Mapping[str, int]) -> str:
         Messages by topic that were found.
     """
     total = missing = 0
-    for topic in SIGNAL_TOPICS:  # in any namespace: a tool that renames topics leaves the metadata as they were
+    for topic in READ_TOPICS:  # in any namespace: a tool that renames topics leaves the metadata as they were
         wanted = max((count for name, count in promised.items() if name.endswith(f"/{topic.name}")), default=0)
         there = max((count for name, count in counted.items() if name.endswith(f"/{topic.name}")), default=0)
         total, missing = total + wanted, missing + max(0, wanted - there)

@@ -19,9 +19,11 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import OUTCOMES, FloatArray, RunRecord
 from bmd_rths_core.renamed_parameters import convert_renamed
+from bmd_rths_core.rest_record import rest_record
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.bag_completeness import (
     MAX_METADATA,
+    READ_TOPICS,
     SIGNAL_TOPICS,
     namespace_of,
     promised_counts,
@@ -30,7 +32,7 @@ from bmd_rths_msgs_py.bag_completeness import (
 )
 from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, read_object, read_timing
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
-from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, Topic
+from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, WAY_TO_REST_COMMAND, WAY_TO_REST_MEASUREMENT, Topic
 
 #: Stamps beyond this step (seven hours at 200 Hz) are those of another clock, not of a test.
 MAX_STEPS = 5_000_000
@@ -47,7 +49,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 #: What a record tells of its ground motion.
 _OF_MOTION = ("name", "sha256", "source")
 
-_SIGNAL_NAMES = tuple(f"/{topic.name}" for topic in SIGNAL_TOPICS)
+_SIGNAL_NAMES = tuple(f"/{topic.name}" for topic in READ_TOPICS)
 
 #: End of encapsulation and stamp of a message.
 _STAMP_END = 12
@@ -225,7 +227,7 @@ class _Contents:
         configuration, self.converted = convert_renamed(configuration, RunConfig.time_step)
         time_step_ns = build_section(RunConfig, {"time_step": run["time_step"]}).time_step_ns
         scalars = {topic.name: self._scalars(topic, time_step_ns) for topic in SCALAR_TOPICS}
-        measurements, floors = self._measurements(time_step_ns)
+        measurements, floors = self._measurements(MEASUREMENT, time_step_ns)
         steps = 1 + max(chain(measurements, *scalars.values()), default=-1)
         signals = {name: _column(found, steps) for name, found in scalars.items()}
         for name in TableMeasurement._fields[1:-1]:
@@ -236,6 +238,8 @@ class _Contents:
         heard = sum(len(self.messages[self._name(topic)]) for topic in SIGNAL_TOPICS)
         if heard and len(self.malformed) == heard:
             raise InputError(f"none of its {heard} messages can be read, the first of {self.malformed[0]}")
+        rest_measurements, rest_floors = self._measurements(WAY_TO_REST_MEASUREMENT, time_step_ns, floors)
+        rest_commands = self._scalars(WAY_TO_REST_COMMAND, time_step_ns)
         end = self.metadata.get(END_RECORD, {})
         outcome, reason = self._ending(end, f"{steps} steps ({steps * time_step_ns * 1e-9:.3f} s)")
         return RunRecord(
@@ -250,6 +254,7 @@ class _Contents:
             timing=read_timing(end),
             told_controller=end.get("controller"),
             source=source,
+            way_to_rest=rest_record(rest_commands, rest_measurements, floors or rest_floors),
         )
 
     def _name(self, topic: Topic) -> str:
@@ -267,19 +272,21 @@ class _Contents:
                 self.malformed.append(f"{topic.full_name}: {problem}")
         return found
 
-    def _measurements(self, time_step_ns: int) -> tuple[dict[int, TableMeasurement], int]:
-        """Return the measurements by step and the number of floors, which the first well-formed one decides."""
+    def _measurements(
+        self, topic: Topic, time_step_ns: int, known_floors: int = 0
+    ) -> tuple[dict[int, TableMeasurement], int]:
+        """Return measurements by step and the number of floors, as known or as the first well-formed one has it."""
         found: dict[int, TableMeasurement] = {}
         floors = 0
-        for data in self.messages[self._name(MEASUREMENT)]:
+        for data in self.messages[self._name(topic)]:
             try:
                 if not found:
-                    floors = count_floors(data)
+                    floors = known_floors or count_floors(data)
                     unpack = MeasurementCodec(floors, time_step_ns).unpack
                 stamp_ns, measurement = unpack(data)
                 found[step_of_stamp(stamp_ns, time_step_ns)] = measurement
             except MalformedMessage as problem:
-                self.malformed.append(f"{MEASUREMENT.full_name}: {problem}")
+                self.malformed.append(f"{topic.full_name}: {problem}")
         return found, floors if found else 0
 
     def _ending(self, end: Mapping[str, str], extent: str) -> tuple[str, str]:

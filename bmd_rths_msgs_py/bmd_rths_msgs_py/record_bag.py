@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from bmd_rths_core.compensators.registry import compensators
 from bmd_rths_core.config import RunConfig
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import RunRecord
+from bmd_rths_core.rest_record import RestRecord
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MeasurementCodec, PairCodec, ScalarCodec
-from bmd_rths_msgs_py.topics import DESIRED_ACCELERATION, MEASUREMENT, SCALAR_TOPICS, Topic
+from bmd_rths_msgs_py.topics import (
+    DESIRED_ACCELERATION,
+    MEASUREMENT,
+    SCALAR_TOPICS,
+    WAY_TO_REST_COMMAND,
+    WAY_TO_REST_MEASUREMENT,
+    Topic,
+)
 
 
 def write_record(record: RunRecord, directory: Path) -> Path:
@@ -51,19 +62,33 @@ def write_record(record: RunRecord, directory: Path) -> Path:
         stamp_ns = step * time_step_ns
         for topic, pack, values in scalars:
             writer.write(topic.full_name, topic.type_name, pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
-        measurement = TableMeasurement(
-            step,
-            record.applied_command[step],
-            record.table_displacement[step],
-            record.table_acceleration[step],
-            record.actuator_force[step],
-            record.base_shear[step],
-            record.floor_accelerations[step],
-        )
-        data = measurement_codec.pack(stamp_ns, measurement)
+        data = measurement_codec.pack(stamp_ns, _measured(record, step, step))
         writer.write(MEASUREMENT.full_name, MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
+    if record.way_to_rest is not None:
+        _write_way_to_rest(record.way_to_rest, writer, measurement_codec, time_step_ns)
     writer.close(end_metadata(record.outcome, record.reason, record.timing, record.told_controller))
     return directory
+
+
+def _write_way_to_rest(
+    rest: RestRecord, writer: BagWriter, measurement_codec: MeasurementCodec, time_step_ns: int
+) -> None:
+    pack = ScalarCodec(WAY_TO_REST_COMMAND.frame_id).pack
+    for row, command in enumerate(rest.command.tolist()):
+        step = rest.first_step + row
+        stamp_ns = step * time_step_ns
+        measurement = _measured(rest, row, step)
+        messages = []
+        if math.isfinite(command):
+            messages.append((WAY_TO_REST_COMMAND, pack(stamp_ns, command)))
+        if np.isfinite([*measurement[1:6], *measurement.floor_accelerations]).any():
+            messages.append((WAY_TO_REST_MEASUREMENT, measurement_codec.pack(stamp_ns, measurement)))
+        for topic, data in messages:
+            writer.write(topic.full_name, topic.type_name, data, stamp_ns, stamp_ns)
+
+
+def _measured(signals: RunRecord | RestRecord, row: int, step: int) -> TableMeasurement:
+    return TableMeasurement(step, *(getattr(signals, name)[row] for name in TableMeasurement._fields[1:]))
 
 
 def _packed(record: RunRecord, topic: Topic) -> tuple[Callable[[int, Any], bytes], list[Any]]:

@@ -45,6 +45,8 @@ class Topic:
         ``header.frame_id`` that this project writes; any other one is read as well.
     description : str
         Content and unit, in one sentence.
+    required : bool
+        No test begins without a publisher of it.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Topic:
     consumers: tuple[str, ...]
     frame_id: str
     description: str
+    required: bool = True
 
     @property
     def full_name(self) -> str:
@@ -117,6 +120,24 @@ CORRECTED_FORCE = Topic(
     "interface",
     "force.x: interface shear fed back to the numerical substructure [N]",
 )
+WAY_TO_REST_COMMAND = Topic(
+    "way_to_rest_command",
+    ACCELERATION_TYPE,
+    TABLE_DRIVER,
+    (RECORDER,),
+    "world",
+    "linear.x: acceleration command on the way to rest [m/s2]; steps are counted on from those of the test",
+    required=False,
+)
+WAY_TO_REST_MEASUREMENT = Topic(
+    "way_to_rest_measurement",
+    MEASUREMENT_TYPE,
+    TABLE_DRIVER,
+    (RECORDER,),
+    "world",
+    "as measurement, on the way to rest",
+    required=False,
+)
 DIAGNOSTICS = Topic(
     "/diagnostics", DIAGNOSTICS_TYPE, EVERY_ROLE, (RECORDER,), "", "deadlines, latency, limits and state of every node"
 )
@@ -136,5 +157,8 @@ _SCALARS = {
 #: Topics with one number a step, in the order of a step. Each has the name of its signal in a `RunRecord`.
 SCALAR_TOPICS = tuple(_SCALARS[name] for name in signals.SCALAR_TOPICS)
 
+#: What follows the last step of a test until the table is at rest. A driver of somebody else need not tell it.
+WAY_TO_REST_TOPICS = (WAY_TO_REST_COMMAND, WAY_TO_REST_MEASUREMENT)
+
 #: Every topic by its (relative) name.
-TOPICS = {topic.name: topic for topic in (*SCALAR_TOPICS, MEASUREMENT, DIAGNOSTICS)}
+TOPICS = {topic.name: topic for topic in (*SCALAR_TOPICS, MEASUREMENT, *WAY_TO_REST_TOPICS, DIAGNOSTICS)}

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 from packaging.requirements import Requirement
 
 from bmd_rths_core.config import load_config
@@ -150,6 +151,13 @@ def test_campaign_with_bags(offline):
     runs = json.loads(done.stdout)["runs"]
     assert [run["scheme"] for run in runs] == ["uc", "plc_fc"]
     assert all(read_bag(run["bag"]).outcome == "finished" for run in runs)
+
+
+def test_export(offline, bag):
+    file, bundle = offline.folder / "test.mat", offline.folder / "bundle"
+    told = json.loads(offline("export", bag, "--output", file, "--bundle", bundle, "--json").stdout)
+    assert (told["file"], told["bundles"]) == (str(file), [str(bundle)])
+    assert scipy.io.loadmat(file, simplify_cells=True)["about"]["outcome"] == "finished"
 
 
 def test_stability(offline):

@@ -6,7 +6,7 @@ from typing import Any
 
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.signals import SIGNALS
-from bmd_rths_msgs_py.topics import EVERY_ROLE, RECORDER, ROLES, SCALAR_TOPICS, TOPICS
+from bmd_rths_msgs_py.topics import EVERY_ROLE, RECORDER, ROLES, SCALAR_TOPICS, TOPICS, WAY_TO_REST_TOPICS
 
 
 def test_every_role_of_a_topic_is_a_role() -> None:
@@ -45,4 +45,5 @@ def test_every_signal_travels_on_a_topic_that_states_its_unit() -> None:
         topic = TOPICS[signal.topic]
         assert f"[{signal.unit.replace('²', '2')}]" in topic.description
     assert [topic.name for topic in SCALAR_TOPICS] == [signal.name for signal in SIGNALS if not signal.measured]
-    assert set(TOPICS) == {signal.topic for signal in SIGNALS} | {"/diagnostics"}
+    rest = {topic.name for topic in WAY_TO_REST_TOPICS}
+    assert set(TOPICS) == {signal.topic for signal in SIGNALS} | rest | {"/diagnostics"}

@@ -15,7 +15,7 @@ from bmd_rths_nodes.cli.stability import stability
 
 #: What takes longer to import than the help may take altogether, and ROS.
 SLOW = {
-    *("numpy", "scipy", "filterpy", "matplotlib", "numba", "pyarrow", "distributed", "rosbags", "mcap"),
+    *("numpy", "scipy", "filterpy", "matplotlib", "numba", "h5py", "pyarrow", "distributed", "rosbags", "mcap"),
     *("rclpy", "diagnostic_msgs", "ament_index_python"),
 }
 

@@ -46,7 +46,9 @@ def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el
     record = read_bag(result["bag"])
     assert record.outcome == "finished"
     assert record.steps == result["steps"] == (3599 if scheme == "plc_fc" else 1001)
-    assert record.same_signals(in_process(run__scheme=scheme, **changes))
+    expected = in_process(run__scheme=scheme, **changes)
+    assert record.same_signals(expected)
+    assert record.way_to_rest.same_signals(expected.way_to_rest)
     assert result["missing_values"] == result["missed_deadlines"] == 0
     assert result["stable"] is True
 
@@ -92,7 +94,9 @@ def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, cli
 
 
 def test_composed_lockstep_equals_the_loop_in_process(composed_run):
-    assert read_bag(composed_run.told["bag"]).same_signals(in_process(ground_motion__duration=3.0))
+    record, expected = read_bag(composed_run.told["bag"]), in_process(ground_motion__duration=3.0)
+    assert record.same_signals(expected)
+    assert record.way_to_rest.same_signals(expected.way_to_rest)
 
 
 @pytest.mark.slow
@@ -135,6 +139,8 @@ def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_
     expected = in_process(safety__acceleration_limit=1.0, safety__ramp_acceleration=1.0)
     record = read_bag(told["bag"])
     assert record.same_signals(expected)
+    assert record.way_to_rest.same_signals(expected.way_to_rest)
+    assert record.way_to_rest.first_step == record.steps - 1
     assert record.reason == f"table_driver: {expected.reason}"
 
 
@@ -177,6 +183,8 @@ def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whol
             for status in reader.deserialize(raw, connection.msgtype).status
         }
     assert {f"/rths/{role}" for role in ROLES} <= told
+    rest = {counts.pop(f"/rths/way_to_rest_{what}") for what in ("command", "measurement")}
+    assert rest == {record.way_to_rest.steps}
     assert all(count == 601 for topic, count in counts.items() if topic != "/diagnostics")
 
 

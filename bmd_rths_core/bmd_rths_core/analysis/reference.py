@@ -91,6 +91,26 @@ def nonlinear_reference_response(
     -------
     ndarray, shape (N, n)
         ü + ü_g at the steps, from rest at step 0 [m/s²].
+    """
+    return nonlinear_reference_motion(building, ground_acceleration, time_step, substeps)[0]
+
+
+def nonlinear_reference_motion(
+    building: NonlinearBuilding, ground_acceleration: FloatArray, time_step: float, substeps: int = 10
+) -> tuple[FloatArray, FloatArray]:
+    """Return accelerations and displacements of the floors of a non-linear building on the ground.
+
+    Parameters
+    ----------
+    building, ground_acceleration, time_step, substeps
+        As for `nonlinear_reference_response`.
+
+    Returns
+    -------
+    accelerations : ndarray, shape (N, n)
+        ü + ü_g at the steps, from rest at step 0 [m/s²].
+    displacements : ndarray, shape (N, n)
+        u relative to the ground [m].
 
     Notes
     -----
@@ -110,9 +130,9 @@ def nonlinear_reference_response(
     stories = building.stories()
     stories.reset()
     state, deviation, last_deviation = np.zeros(2 * n), np.zeros(n), np.zeros(n)
-    response = np.zeros((len(ground_acceleration), n))
+    response, displacements = np.zeros((2, len(ground_acceleration), n))
     if not len(ground_acceleration):
-        return response
+        return response, displacements
     fine = np.interp(
         np.arange((len(ground_acceleration) - 1) * substeps + 1) / substeps,
         np.arange(len(ground_acceleration)),
@@ -126,4 +146,5 @@ def nonlinear_reference_response(
         state += correct @ (deviation - extrapolated)
         if i % substeps == 0:
             response[i // substeps] = motion @ state + inverse_mass[:, 0] * deviation
-    return response
+            displacements[i // substeps] = state[:n]
+    return response, displacements

@@ -12,7 +12,7 @@ from bmd_rths_core.analysis.capture import UNKNOWN, captures, is_cheap
 from bmd_rths_core.analysis.metrics import RunMetrics, compare, reference_of
 from bmd_rths_core.analysis.numerical_motion import ductility, numerical_motion
 from bmd_rths_core.analysis.quality import RunQuality, run_quality
-from bmd_rths_core.analysis.table_peaks import TablePeaks, table_peaks
+from bmd_rths_core.analysis.table_peaks import TablePeaks, table_peaks, table_peaks_to_rest
 from bmd_rths_core.analysis.true_building import true_references_of
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
@@ -41,7 +41,9 @@ class RunAnalysis:
     criteria : BenchmarkCriteria
         Those of the vRTHS benchmark.
     peaks : TablePeaks
-        Largest motion of the table.
+        Largest motion of the table in the test.
+    peaks_to_rest : TablePeaks
+        The same with the way to rest, where that was recorded.
     ductility : tuple of float, optional
         Peak drift over yield drift of every numerical story; None when none can yield.
     """
@@ -54,6 +56,7 @@ class RunAnalysis:
     quality: RunQuality
     criteria: BenchmarkCriteria
     peaks: TablePeaks
+    peaks_to_rest: TablePeaks
     ductility: tuple[float, ...] | None
 
     @property
@@ -101,5 +104,6 @@ def analysed(record: RunRecord, capture: bool | None = None) -> RunAnalysis:
         run_quality(record, config, true_reference, follows),
         benchmark_criteria(record, reference, lower),
         table_peaks(record),
+        table_peaks_to_rest(record),
         ductility(numerical_motion(record, config), config) if yields else None,
     )

@@ -34,16 +34,31 @@ class TablePeaks(NamedTuple):
 
 
 def table_peaks(record: RunRecord) -> TablePeaks:
-    """Return the peaks of a run.
+    """Return the peaks of a run from its first step to its last.
 
     Parameters
     ----------
     record : RunRecord
         The run.
     """
-    displacement = record.table_displacement
-    velocity = (displacement[2:] - displacement[:-2]) / (2.0 * record.time_step)
-    return TablePeaks(peak(displacement), peak(velocity), peak(record.table_acceleration), peak(record.actuator_force))
+    return _peaks(record.table_displacement, record.table_acceleration, record.actuator_force, record.time_step)
+
+
+def table_peaks_to_rest(record: RunRecord) -> TablePeaks:
+    """Return the peaks of a run and of the way to rest behind it, where that was recorded.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+    """
+    displacement, acceleration = record.continued("table_displacement"), record.continued("table_acceleration")
+    return _peaks(displacement, acceleration, record.continued("actuator_force"), record.time_step)
+
+
+def _peaks(displacement: FloatArray, acceleration: FloatArray, force: FloatArray, time_step: float) -> TablePeaks:
+    velocity = (displacement[2:] - displacement[:-2]) / (2.0 * time_step)
+    return TablePeaks(peak(displacement), peak(velocity), peak(acceleration), peak(force))
 
 
 def peak(values: FloatArray) -> float:

@@ -21,7 +21,8 @@ from bmd_rths_core.loop.hosting import Clock, VirtualClock, run_to_rest
 from bmd_rths_core.loop.states import Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.record import RunRecord, empty_signals, provenance
-from bmd_rths_core.table.controller import TableController, TableMeasurement
+from bmd_rths_core.rest_record import rest_record
+from bmd_rths_core.table.controller import TableCommand, TableController, TableMeasurement
 
 #: How often `RthsLoop.run` reports progress [steps].
 PROGRESS_PERIOD = 200
@@ -75,6 +76,8 @@ class RthsLoop:
             time_step,
             lockstep,
             self._on_measurement,
+            self._on_rest_command,
+            self._on_rest_measurement,
         )
         self.conductor = Conductor(
             motion.acceleration.tolist(),
@@ -99,7 +102,7 @@ class RthsLoop:
         RunRecord
             Outcome ``"finished"``, ``"limit"`` when a limit was passed, or ``"failed"``. The record then ends with the
             step whose command was refused, without sensors, or before the step at which the stability indicator was
-            too large. The way to rest that follows every test is not recorded.
+            too large. The way to rest that follows every test stands apart, in ``way_to_rest``.
 
         Raises
         ------
@@ -109,6 +112,8 @@ class RthsLoop:
         self._progress = progress
         self._signals = empty_signals(self._motion.steps, len(self._config.specimen.masses))
         self._required: dict[int, float] = {}
+        self._rest_commands: dict[int, float] = {}
+        self._rest_measurements: dict[int, TableMeasurement] = {}
         self._command_shaper.reset()
         self._shear_estimator.reset()
         self._force_correction.reset()
@@ -122,6 +127,7 @@ class RthsLoop:
             time_step=self._config.run.time_step,
             outcome=str(conductor.outcome),
             reason=conductor.reason,
+            way_to_rest=rest_record(self._rest_commands, self._rest_measurements, len(self._config.specimen.masses)),
             **recorded,
             **provenance(self._config.as_mapping(), self._motion),
         )
@@ -153,3 +159,9 @@ class RthsLoop:
         self.conductor.shear(step, feedback, self._clock.now())
         if self._progress is not None and (step + 1) % PROGRESS_PERIOD == 0:
             self._progress(step + 1)
+
+    def _on_rest_command(self, command: TableCommand) -> None:
+        self._rest_commands[command.step] = command.acceleration
+
+    def _on_rest_measurement(self, measurement: TableMeasurement) -> None:
+        self._rest_measurements[measurement.step] = measurement

@@ -48,6 +48,9 @@ class TableDriver:
         held until the next one, by the clock.
     on_measurement : callable
         Gets every `TableMeasurement` of the test, in the order of the steps.
+    on_rest_command, on_rest_measurement : callable, optional
+        Get every `TableCommand` that the controller was given on the way to rest, and every `TableMeasurement` that
+        answers one. They get nothing more of a table that stands, held or at rest.
 
     Attributes
     ----------
@@ -75,6 +78,8 @@ class TableDriver:
         time_step: float,
         lockstep: bool,
         on_measurement: Callable[[TableMeasurement], None],
+        on_rest_command: Callable[[TableCommand], None] = lambda command: None,
+        on_rest_measurement: Callable[[TableMeasurement], None] = lambda measurement: None,
     ) -> None:
         self.supervisor = supervisor
         self._table = table
@@ -84,6 +89,7 @@ class TableDriver:
         supervisor.by_the_clock = not self._by_steps
         self._polled = table if isinstance(table, AsynchronousTableController) else None
         self._on_measurement = on_measurement
+        self._on_rest_command, self._on_rest_measurement = on_rest_command, on_rest_measurement
         self.state = DriveState.RELEASED
         self._forget()
 
@@ -91,7 +97,7 @@ class TableDriver:
         self.supervisor.reset()
         self.outcome: Outcome | None = None
         self.reason = ""
-        self.last_passed = -1
+        self.last_passed = self._last_on_the_way = -1
         self.latest: TableMeasurement | None = None
         self._due = math.inf  # of the next command on the way to rest
         # Until then the supervisor has followed the table; None before step 0.
@@ -260,6 +266,8 @@ class TableDriver:
         self.latest = measurement
         if measurement.step <= self.last_passed:  # the way to rest is no part of the test
             self._on_measurement(measurement)
+        elif measurement.step <= self._last_on_the_way:
+            self._on_rest_measurement(measurement)
 
     def _look_at_silence(self, now: float) -> float:
         """Begin the way to rest when no command comes any more, or when it would soon be too late for it."""
@@ -305,9 +313,14 @@ class TableDriver:
 
     def _advance(self, now: float) -> None:
         """Send one command on the way to rest; at its end stop the table, except after a hold."""
+        stands = self.supervisor.at_rest  # after a hold, without end
         command = self.supervisor.advance(self._late_on_the_way(now))
         if command is not None:
+            if not stands:
+                self._last_on_the_way = command.step
             self._exchange(command, now)
+            if not stands:
+                self._on_rest_command(command)
         if self.supervisor.state is State.STOPPED:
             if self.moving:
                 self.halt()

@@ -16,7 +16,7 @@ from bmd_rths_nodes.cli.options import log, printable
 #: Commands in the order of the help; each is the function of its name in the module of its name.
 COMMANDS = (
     *("run", "simulate", "campaign", "robustness", "stability", "identify"),
-    *("analyze", "replay", "monitor", "layouts", "figures", "motions", "emulate", "doctor"),
+    *("analyze", "export", "replay", "monitor", "layouts", "figures", "motions", "emulate", "doctor"),
 )
 
 

@@ -25,13 +25,15 @@ capture_option = click.option(
 )
 
 
-def check_writable(folder: Path) -> None:
+def check_writable(folder: Path, option: str = "--output") -> None:
     """Make a folder and check that it can be written.
 
     Parameters
     ----------
     folder : Path
         Where output shall go.
+    option : str
+        What named it.
 
     Raises
     ------
@@ -42,9 +44,9 @@ def check_writable(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:  # the latter of a name with a NUL in it
         problem = getattr(error, "strerror", None) or error
-        raise InputError(f"--output {str(folder)[:100]}: cannot be written: {problem}") from error
+        raise InputError(f"{option} {str(folder)[:100]}: cannot be written: {problem}") from error
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"--output {folder}: cannot be written: Permission denied")
+        raise InputError(f"{option} {folder}: cannot be written: Permission denied")
 
 
 @contextmanager

@@ -68,3 +68,18 @@ def write_report(analyses: Sequence[RunAnalysis], path: Path) -> None:
             path.write_text(page_of(document), encoding="utf-8")
     except OSError as error:
         raise InputError(f"--report {path}: cannot be written: {error.strerror}") from error
+
+
+def page_of_run(analysis: RunAnalysis) -> str:
+    """Return the report of one run as a web page.
+
+    Parameters
+    ----------
+    analysis : RunAnalysis
+        The run, read from a bag.
+    """
+    from bmd_rths_core.report.html import page_of
+    from bmd_rths_core.report.reported_run import ReportedRun
+    from bmd_rths_core.report.run_report import run_report
+
+    return page_of(run_report(ReportedRun(analysis, read_timing_of_steps(analysis.record))))

@@ -54,6 +54,8 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         **told_quality(analysis.quality, record.stable),
         "benchmark_criteria": analysis.told_criteria,
         "table_peaks": analysis.peaks._asdict(),
+        "table_peaks_to_rest": analysis.peaks_to_rest._asdict(),
+        "way_to_rest_steps": 0 if record.way_to_rest is None else record.way_to_rest.steps,
         "missing_values": metrics.missing_values,
     }
     if analysis.ductility is not None:
@@ -100,6 +102,8 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     table.add_row("delay, amplitude (FEI)", _evaluation(result))
     table.add_row("tracking delay of the table", _number(result["tracking_delay_ms"], "ms"))
     table.add_row("peaks of the table", _table_peaks(result["table_peaks"]))
+    if result["table_peaks_to_rest"] != result["table_peaks"]:
+        table.add_row("with the way to rest", _table_peaks(result["table_peaks_to_rest"]))
     if "ductility" in result:
         table.add_row("ductility, ground up", ", ".join(_number(value, "").strip() for value in result["ductility"]))
     extent = f" ({result['duration_s']:g} s, not the whole ground motion; every number holds for that alone)"

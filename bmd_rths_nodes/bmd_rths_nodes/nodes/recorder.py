@@ -28,6 +28,7 @@ from bmd_rths_msgs_py.topics import (
     REQUIRED_FORCE,
     TABLE_DRIVER,
     TOPICS,
+    WAY_TO_REST_TOPICS,
     Topic,
 )
 from bmd_rths_nodes.ros import qos, status
@@ -97,7 +98,9 @@ class RecorderNode(StageNode):
         self._writer: BagWriter | None = None
         self._bag = ""
         for topic in TOPICS.values():
-            on_message = self._record_diagnostics if topic is DIAGNOSTICS else self._recorder_of(topic)
+            after = topic in WAY_TO_REST_TOPICS
+            recorder = self._recorder_of_the_way_to_rest(topic) if after else self._recorder_of(topic)
+            on_message = self._record_diagnostics if topic is DIAGNOSTICS else recorder
             self.subscribe_raw(topic, on_message, qos.RECORDER)
 
     def reset_stage(self) -> None:
@@ -115,7 +118,8 @@ class RecorderNode(StageNode):
         self._last_message = time.perf_counter()
         self._quiet_looks = 0
         self._messages = 0
-        self._next_step = {topic.full_name: 0 for topic in TOPICS.values() if topic is not DIAGNOSTICS}
+        uncounted = (*WAY_TO_REST_TOPICS, DIAGNOSTICS)
+        self._next_step = {topic.full_name: 0 for topic in TOPICS.values() if topic not in uncounted}
         self._steps_told_of = 0
         self._end: End | None = None
         self._table_moves = False
@@ -202,9 +206,7 @@ class RecorderNode(StageNode):
             if self._writer is None:
                 return
             self._record(name, type_name, data)
-            self._last_message = time.perf_counter()
-            self._quiet_looks = 0
-            self.order.steps += 1
+            self._note_message()
             try:
                 step = read_stamp(data) // time_step_ns
             except MalformedMessage:
@@ -216,6 +218,21 @@ class RecorderNode(StageNode):
                 self._tell_lockstep()
 
         return on_message
+
+    def _recorder_of_the_way_to_rest(self, topic: Topic) -> Callable[[bytes], None]:
+        """Return the function that records what follows a test; what precedes its steps is of an earlier one."""
+
+        def on_message(data: bytes) -> None:
+            if self._writer is not None and self.order.steps > 0:
+                self._record(topic.full_name, topic.type_name, data)
+                self._note_message()
+
+        return on_message
+
+    def _note_message(self) -> None:
+        self._last_message = time.perf_counter()
+        self._quiet_looks = 0
+        self.order.steps += 1
 
     def _record_diagnostics(self, data: bytes) -> None:
         self._record(DIAGNOSTICS.full_name, DIAGNOSTICS.type_name, data)

@@ -13,8 +13,15 @@ from bmd_rths_core.loop.build import make_supervisor
 from bmd_rths_core.loop.states import DriveState, NodeState, Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.safety import Action, State
-from bmd_rths_core.table.controller import TableMeasurement
-from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER
+from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_msgs_py.topics import (
+    COMMAND,
+    MEASUREMENT,
+    NUMERICAL_SUBSTRUCTURE,
+    TABLE_DRIVER,
+    WAY_TO_REST_COMMAND,
+    WAY_TO_REST_MEASUREMENT,
+)
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.spin import run_nodes
@@ -45,9 +52,17 @@ class TableDriverNode(StageNode):
         """Make controller, supervisor and topics."""
         self._table = make_table_controller(config)
         self._driver = TableDriver(
-            self._table, make_supervisor(config), config.run.time_step, config.run.lockstep, self._on_measurement
+            self._table,
+            make_supervisor(config),
+            config.run.time_step,
+            config.run.lockstep,
+            self._on_measurement,
+            self._on_rest_command,
+            self._on_rest_measurement,
         )
         self._send_measurement = self.publish_to(MEASUREMENT)
+        self._send_rest_command = self.publish_to(WAY_TO_REST_COMMAND, at_once=True)
+        self._send_rest_measurement = self.publish_to(WAY_TO_REST_MEASUREMENT, at_once=True)
         self._forget_the_last_test()
         self.subscribe_to(COMMAND, self._on_command, newest_only=config.table.controller != "simulated")
 
@@ -104,7 +119,7 @@ class TableDriverNode(StageNode):
         return {"outcome": str(self._driver.outcome or "")} if self.configured else {}
 
     def _motion_and_limits(self) -> dict[str, str]:
-        """Return what the table does, what it did at most in this test, and what it may do."""
+        """Return what the table does, what it did at most since the test began, and what it may do."""
         limits = self.config.safety
         values: dict[str, str] = {}
         latest = self._driver.latest
@@ -216,6 +231,16 @@ class TableDriverNode(StageNode):
 
     def _on_measurement(self, measurement: TableMeasurement) -> None:
         self._send_measurement(measurement.step, measurement)
+        self._note_peaks(measurement)
+
+    def _on_rest_command(self, command: TableCommand) -> None:
+        self._send_rest_command(command.step, command.acceleration)
+
+    def _on_rest_measurement(self, measurement: TableMeasurement) -> None:
+        self._send_rest_measurement(measurement.step, measurement)
+        self._note_peaks(measurement)
+
+    def _note_peaks(self, measurement: TableMeasurement) -> None:
         # What is not measured is NaN, which is not larger than the peak.
         motion = zip(self._peaks, _motion(measurement), strict=True)
         self._peaks = tuple(max(peak, abs(value)) for peak, value in motion)

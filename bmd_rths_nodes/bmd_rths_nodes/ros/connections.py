@@ -33,14 +33,14 @@ class Connections:
     def __init__(self, node: Node, role: str, intra_process: IntraProcess) -> None:
         self._node, self._role, self._intra_process = node, role, intra_process
         self._publishers: list[tuple[Topic, Publisher]] = []
-        self._subscriptions: list[Subscription] = []
+        self._subscriptions: list[tuple[Topic, Subscription]] = []
         self._inputs: list[tuple[str, Callable[[], int]]] = []
 
-    def publish_to(self, topic: Topic, config: Config) -> Callable[[int, Any], None]:
-        """Create the publisher of a topic and return a function that sends the value of a step."""
+    def publish_to(self, topic: Topic, config: Config, at_once: bool = False) -> Callable[[int, Any], None]:
+        """Create the publisher of a topic and return what sends the value of a step, `at_once` or in its turn."""
         publisher = self._node.create_publisher(message_class(topic), topic.name, qos.PUBLISHER)
         self._publishers.append((topic, publisher))
-        publish = self._intra_process.sender(topic.name, publisher.publish)
+        publish = publisher.publish if at_once else self._intra_process.sender(topic.name, publisher.publish)
         pack = codec_of(topic, config).pack
         time_step_ns = config.run.time_step_ns
 
@@ -62,7 +62,7 @@ class Connections:
     def listen_beside(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
         """Give the bytes of a topic to a function; who else publishes it does not matter."""
         subscription = self._node.create_subscription(message_class(topic), topic.name, on_message, profile, raw=True)
-        self._subscriptions.append(subscription)
+        self._subscriptions.append((topic, subscription))
         return subscription
 
     def matched(self, config: Config) -> bool:
@@ -73,7 +73,7 @@ class Connections:
             needed -= self._intra_process.consumers(topic.name)
             if not needed <= {r.node_name for r in readers} or publisher.get_subscription_count() < len(readers):
                 return False
-        heard = (subscription.get_publisher_count() for subscription in self._subscriptions)
+        heard = (subscription.get_publisher_count() for topic, subscription in self._subscriptions if topic.required)
         return all(heard) and all(count_publishers() for _, count_publishers in self._inputs)
 
     def disturbance(self) -> str:
@@ -90,7 +90,7 @@ class Connections:
         self._intra_process.unsubscribe(self._role)
         for _, publisher in self._publishers:
             self._node.destroy_publisher(publisher)
-        for subscription in self._subscriptions:
+        for _, subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._publishers.clear()
         self._subscriptions.clear()

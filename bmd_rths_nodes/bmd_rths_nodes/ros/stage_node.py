@@ -122,9 +122,12 @@ class StageNode(ManagedNode):
         """
         return False
 
-    def publish_to(self, topic: Topic) -> Callable[[int, Any], None]:
-        """Create the publisher of a topic and return a function that sends the value of a step."""
-        return self._connections.publish_to(topic, self.config)
+    def publish_to(self, topic: Topic, at_once: bool = False) -> Callable[[int, Any], None]:
+        """Create the publisher of a topic and return a function that sends the value of a step.
+
+        What no node of this process listens to can be sent `at_once`, also while the process ends.
+        """
+        return self._connections.publish_to(topic, self.config, at_once)
 
     def subscribe_to(
         self, topic: Topic, step: Callable[[int, Any], None], newest_only: bool = False, begins_test: bool = True
