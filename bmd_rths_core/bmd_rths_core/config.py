@@ -14,9 +14,10 @@ from bmd_rths_core.bounded_yaml import read_yaml
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.compensators.protocol import Compensator
 from bmd_rths_core.compensators.registry import compensator, compensators, settings_sections
+from bmd_rths_core.derived_parameters import completed, released
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
-from bmd_rths_core.parameters import build_section, check_parameters, parameter
+from bmd_rths_core.parameters import build_section, check_parameters, parameter, suggestion
 from bmd_rths_core.renamed_parameters import refuse_renamed
 from bmd_rths_core.safety import SafetyConfig
 from bmd_rths_core.stages.force_correction import ForceCorrectionConfig
@@ -30,6 +31,7 @@ from bmd_rths_core.table.models.identified import IdentifiedModelConfig
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
 from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
+from bmd_rths_core.table.rig import RigConfig
 from bmd_rths_core.verdict_bands import VerdictConfig
 
 
@@ -122,14 +124,16 @@ class Config:
 
     Parameters
     ----------
-    run, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table, simulated_table,
-    virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder, verdict
+    run, rig, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table,
+    simulated_table, virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder,
+    verdict
         See the section classes.
     compensation : tuple
         The sections of the other compensators, as the registry finds them; in a file they stand beside the others.
     """
 
     run: RunConfig = dataclasses.field(default_factory=RunConfig)
+    rig: RigConfig = dataclasses.field(default_factory=RigConfig)
     ground_motion: GroundMotionConfig = dataclasses.field(default_factory=GroundMotionConfig)
     numerical_substructure: NumericalSubstructureConfig = dataclasses.field(default_factory=NumericalSubstructureConfig)
     nonlinear: NonlinearConfig = dataclasses.field(default_factory=NonlinearConfig)
@@ -150,7 +154,8 @@ class Config:
     )
 
     def __post_init__(self) -> None:
-        """Check what several sections have to agree on: time steps, and the stability of the integration."""
+        """Check what several sections have to agree on: time steps, capacity, and the stability of the integration."""
+        self.rig.refuse_beyond({"safety": self.safety, "virtual_controller": self.virtual_controller})
         if self.safety.stuck_time < self.run.time_step:
             raise InputError(
                 f"safety.stuck_time: {self.safety.stuck_time:g} s is less than one time step; "
@@ -202,11 +207,18 @@ class Config:
         InputError
             A name is unknown or a value is not allowed.
         """
-        mapping = self.as_mapping()
+        given: dict[str, dict[str, Any]] = {}
         for name, value in changes.items():
             section, _, key = name.partition("__")
-            mapping.setdefault(section, {})[key] = value
+            given.setdefault(section, {})[key] = value
+        mapping = self._released(given)
+        for section, values in given.items():
+            mapping[section] = {**mapping.get(section, {}), **values}
         return config_from_mapping(mapping)
+
+    def _released(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all parameters but those that follow from what is given, and have followed before."""
+        return released(self.as_mapping(), given, Config().as_mapping() if "rig" in given else {})
 
     def merged(self, path: str | Path, sections: Collection[str] = ()) -> Config:
         """Return a copy with the parameters of another file, for example an identified model, over its own.
@@ -228,14 +240,16 @@ class Config:
         InputError
             The file is wrong; it is named.
         """
-        mapping: dict[str, Any] = self.as_mapping()
         floors = len(self.specimen.masses)
         read = _read_sections(path)
         if missing := [name for name in sections if name not in read]:
             raise InputError(f"{path}: no section {missing[0]}; it has {', '.join(map(str, read)) or 'none'}")
-        for name, values in read.items():
-            if sections and name not in sections:
-                continue
+        counted = {name: values for name, values in read.items() if not sections or name in sections}
+        try:
+            mapping = self._released(counted)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        for name, values in counted.items():
             known = isinstance(values, Mapping) and name in mapping
             mapping[name] = {**mapping[name], **values} if known else values
         merged = _named(path, mapping)
@@ -276,9 +290,12 @@ def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
         A section or parameter is unknown, or a value is not allowed.
     """
     refuse_renamed(mapping, RunConfig.time_step)
+    mapping = completed(mapping)
     for name, values in mapping.items():
         if name not in SECTIONS:
-            raise InputError(f"{name}: unknown section; allowed here: {', '.join(SECTIONS)}")
+            raise InputError(
+                f"{name}: unknown section{suggestion(name, SECTIONS)}; allowed here: {', '.join(SECTIONS)}"
+            )
         if not isinstance(values, Mapping):
             raise InputError(f"{name}: {_short(values)} is not a section; parameters with values are required")
     sections: dict[str, Any] = {name: build_section(SECTIONS[name], values) for name, values in mapping.items()}

@@ -6,10 +6,11 @@ with their descriptors and the in-process loop are all derived from that one dec
 
 from __future__ import annotations
 
+import difflib
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
@@ -203,9 +204,27 @@ def build_section(section: type[Section], values: Mapping[str, object]) -> Secti
     declared = specs(section)
     for key in values:
         if key not in declared:
-            raise InputError(f"{name}.{key}: unknown parameter; allowed here: {', '.join(declared)}")
+            raise InputError(f"{name}.{key}: unknown parameter{suggestion(key, declared)}; {_listed(declared)}")
     hints = typing.get_type_hints(section)
     return section(**{key: _typed(f"{name}.{key}", value, hints[key], declared[key]) for key, value in values.items()})
+
+
+def suggestion(word: object, known: Iterable[str]) -> str:
+    """Return the known word that a mistyped one is most like, as a question; empty when none is.
+
+    Parameters
+    ----------
+    word : object
+        What was given.
+    known : iterable of str
+        What is allowed.
+    """
+    similar = difflib.get_close_matches(str(word), list(known), n=1)
+    return f", did you mean {similar[0]}?" if similar else ""
+
+
+def _listed(known: Iterable[str]) -> str:
+    return f"allowed here: {', '.join(known)}"
 
 
 def _shown(value: object) -> str:

@@ -65,7 +65,9 @@ def test_changed_validates_and_leaves_the_original():
     config = Config()
     assert config.changed(run__scheme="uc").run == replace(config.run, scheme="uc")
     assert config.run.scheme == "plc_fc"
-    with pytest.raises(InputError, match=r"run\.sheme: unknown parameter; allowed here: time_step, scheme"):
+    with pytest.raises(
+        InputError, match=r"run\.sheme: unknown parameter, did you mean scheme\?; allowed here: time_st"
+    ):
         config.changed(run__sheme="uc")
 
 
@@ -73,10 +75,16 @@ def test_changed_validates_and_leaves_the_original():
     ("lines", "message"),
     [
         (["specimen:", "  masses: [-760.0, 800.0]"], "specimen.masses: [-760, 800] is not allowed; >= 0.1 kg and"),
-        (["specimen:", "  mases: [1.0]"], "specimen.mases: unknown parameter; allowed here: masses, stiffnesses,"),
+        (
+            ["specimen:", "  mases: [1.0]"],
+            "specimen.mases: unknown parameter, did you mean masses?; allowed here: ",
+        ),
         (["specimen:", "  masses: 760.0"], "specimen.masses: 760.0 is not a list; a list of numbers in kg is required"),
         (["specimen:", "  masses: [1.0]"], "specimen: masses, stiffnesses and damping_coefficients need one entry a"),
-        (["specimens:", "  masses: [1.0]"], "specimens: unknown section; allowed here: run, ground_motion,"),
+        (
+            ["specimens:", "  masses: [1.0]"],
+            "specimens: unknown section, did you mean specimen?; allowed here: run,",
+        ),
         (["run: 5"], "run: 5 is not a section; parameters with values are required"),
         (["run:", "  scheme: plcfc"], "run.scheme: 'plcfc' is not allowed; one of uc, fc, plc, plc_fc, "),
         (["run:", "  time_step: 0.0"], "run.time_step: 0.0 is not allowed; >= 0.0001 s and <= 0.1 s is required"),

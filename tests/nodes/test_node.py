@@ -173,7 +173,7 @@ def test_ordinary_ros_node_can_take_part(client, start):
             ["command_shaper.alpha:=5.0", "run.time_step:=0.002"],
             "command_shaper.alpha is now command_shaper.lead_time, in seconds; 5 steps of 0.002 s are 0.01 s",
         ),
-        ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter; allowed here: w1"),
+        ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter"),
         ("command_shaper", ["command_shaper.w1:=0.5"], "W1 = 0.5"),
         ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; >= 0.1 kg and"),
         ("table_driver", ["nonsense:=1"], "nonsense: unknown section"),

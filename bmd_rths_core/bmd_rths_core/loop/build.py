@@ -22,7 +22,7 @@ from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.emulated.faults import Faults
 from bmd_rths_core.table.emulated.virtual_controller import VirtualController
 from bmd_rths_core.table.emulated.virtual_table import LinearTable, VirtualTable
-from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable
+from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable, refuse_unstable
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
@@ -185,8 +185,15 @@ def make_virtual_controller(config: Config, faults: Faults) -> VirtualController
         The whole configuration.
     faults : Faults
         Its faults, which may change at any time.
+
+    Raises
+    ------
+    InputError
+        The table would not be stable.
     """
     specimen, seed = config.specimen.building(), config.run.seed
+    if config.virtual_controller.model == "servo_hydraulic":
+        refuse_unstable(config.servo_hydraulic, config.simulated_table.specimen(specimen))
 
     def servo(time_step: float) -> VirtualTable:
         return LinearTable(SimulatedTable(config.simulated_table, specimen, time_step, seed), time_step)

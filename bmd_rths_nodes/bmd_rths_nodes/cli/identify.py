@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 #: Largest command without --amplitude [m/s²]. A sweep dwells at each resonance of the specimen, so it has less.
 _AMPLITUDES = {"noise": 2.0, "sweep": 0.4}
 
+#: Allowed displacement without --stroke where rig.stroke is not told [m].
+_STROKE = 0.25
+
 _FILE = click.Path(dir_okay=False, path_type=Path)
 
 
@@ -41,9 +44,11 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option("--excitation", type=click.Choice(tuple(_AMPLITUDES)), default="noise", help="How the table is moved.")
 @click.option("--band", nargs=2, type=float, default=(0.5, 25.0), metavar="LOW HIGH", help="Band in Hz [0.5 25].")
 @click.option("--delay-band", nargs=2, type=float, default=(0.5, 8.0), metavar="LOW HIGH", help="Of alpha, Hz [0.5 8].")
-@click.option("--amplitude", type=float, metavar="M_S2", help="Largest command in m/s2 [noise 2, sweep 0.4].")
+@click.option(
+    "--amplitude", type=float, metavar="M_S2", help="Largest command in m/s2 [noise 2, sweep 0.4, or the limit]."
+)
 @click.option("--duration", type=float, default=240.0, metavar="S", help="Duration of the excitation in s [240].")
-@click.option("--stroke", type=float, default=0.25, metavar="M", help="Allowed displacement of the table in m [0.25].")
+@click.option("--stroke", type=float, metavar="M", help="Allowed displacement in m [the limit, or 0.25].")
 @click.option("--order", default="auto", metavar="N|auto", help="Order of the table model.")
 @click.option("--seed", type=int, help="Seed of the noise, and of the simulated sensors [run.seed].")
 @click.option("--output", type=_FILE, metavar="FILE.yaml", help="Write the models as parameters for --model.")
@@ -58,7 +63,7 @@ def identify(
     delay_band: tuple[float, float],
     amplitude: float | None,
     duration: float,
-    stroke: float,
+    stroke: float | None,
     order: str,
     seed: int | None,
     output: Path | None,
@@ -87,10 +92,10 @@ def identify(
     excited = ExcitationSettings(
         kind=excitation,
         band=_radians(band),
-        amplitude=_AMPLITUDES[excitation] if amplitude is None else amplitude,
+        amplitude=_allowed_amplitude(resolved, excitation, amplitude),
         duration=duration,
         seed=resolved.run.seed,
-        stroke=stroke,
+        stroke=_allowed_stroke(resolved, stroke),
     )
     try:
         responses = responses_of(read_bag(bag)) if bag is not None else _drive(resolved, excited)
@@ -113,6 +118,27 @@ def identify(
     result["files"] = _write(output, frf, (table, specimen, joint), result)
     _show(result, as_json)
     return 0
+
+
+def _allowed_amplitude(config: Config, excitation: str, asked: float | None) -> float:
+    """Return the largest command [m/s²]; one that the table cannot follow is refused."""
+    capacity = config.rig.acceleration
+    if asked is None:
+        usual = _AMPLITUDES[excitation]
+        return min(usual, config.safety.acceleration_limit) if capacity else usual
+    if capacity and asked > capacity:
+        raise InputError(f"--amplitude {asked:g}: <= {capacity:g} m/s2, rig.acceleration, is required")
+    return asked
+
+
+def _allowed_stroke(config: Config, asked: float | None) -> float:
+    """Return the allowed displacement [m]; one that the table does not have is refused."""
+    capacity = config.rig.stroke
+    if asked is None:
+        return config.safety.displacement_limit if capacity else _STROKE
+    if capacity and asked > capacity:
+        raise InputError(f"--stroke {asked:g}: <= {capacity:g} m, rig.stroke, is required")
+    return asked
 
 
 def _refuse_excitation() -> None:

@@ -45,6 +45,9 @@ SETTLING_TIME = 0.3
 #: ... but no longer than this: without oil pressure, say, it would never be still [s].
 LONGEST_SETTLING = 3.0
 
+#: A table that was let go of is at rest below this velocity [m/s]; it may ring a little longer than it is controlled.
+RESTING = 1e-2
+
 #: A host that has been silent for longer loses its session to another one, unless its table is moving [ns].
 SESSION_SILENCE = 1_000_000_000
 
@@ -138,8 +141,8 @@ class VirtualController:
 
     @property
     def at_rest(self) -> bool:
-        """True while the controller does not move its table: before it is armed, and when it is back at rest."""
-        return self._table is None
+        """True when the table stands: before the controller is armed, and when it has let go of a table at rest."""
+        return self._table is None and abs(self.motion.velocity) < RESTING
 
     def receive(self, data: bytes, sender: Address, now: int) -> None:
         """Take a datagram.

@@ -19,6 +19,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import DAMPING, FORCE, FORCE_NOISE, MASS, SPEED
@@ -44,6 +45,9 @@ RELIEF_TIME = 1e-3
 
 #: Damping ratio of the washout.
 WASHOUT_DAMPING = 0.7
+
+#: Real part of a pole [1/s] up to which rounding may lead it; the washout and the integral gain may be off.
+_NEUTRAL = 1e-6
 
 #: Number of non-linear effects: flow, valve opening, force.
 EFFECTS = 3
@@ -298,6 +302,33 @@ class ServoHydraulicTable(ModelTable):
         if beyond > 0.0:
             force -= math.copysign(STOP_STIFFNESS * beyond, position) + STOP_DAMPING * velocity
         return flow, opening, force
+
+
+def refuse_unstable(config: ServoHydraulicConfig, specimen: ShearBuilding) -> None:
+    """Refuse a table that is not stable with its specimen on it, before anything is moved.
+
+    Parameters
+    ----------
+    config : ServoHydraulicConfig
+        Hydraulics and controller.
+    specimen : ShearBuilding
+        What stands on the table.
+
+    Raises
+    ------
+    InputError
+        A pole of the linear part is in the right half-plane.
+    """
+    pole = max(np.linalg.eigvals(_linear_part(config, specimen)[0]), key=lambda value: value.real)
+    if pole.real > _NEUTRAL:
+        oil = math.sqrt(config.oil_frequency_squared) / (2.0 * math.pi)
+        raise InputError(
+            f"servo_hydraulic: the emulated table is not stable, with a pole at {pole.real:.3g} 1/s and "
+            f"{abs(pole.imag) / (2.0 * math.pi):.3g} Hz; an oil column faster than its {oil:.3g} Hz (oil_volume "
+            f"{config.oil_volume:g} m3; rig.stroke and rig.force derive one), a proportional_gain smaller than "
+            f"{config.proportional_gain:g} 1/s or a pressure_feedback other than {config.pressure_feedback:g} s "
+            "is required"
+        )
 
 
 def _linear_part(

@@ -1,0 +1,77 @@
+"""Parameters that follow from others: filled in where nobody gives them, let go where what they follow from changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bmd_rths_core.parameters import build_section
+from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
+from bmd_rths_core.table.rig import RigConfig
+
+Sections = dict[str, Any]
+
+
+def completed(mapping: Mapping[str, Any]) -> Sections:
+    """Return a configuration with what follows from the parameters it gives.
+
+    Parameters
+    ----------
+    mapping : Mapping
+        Section name to parameter name to value, as a person gave it.
+
+    Returns
+    -------
+    dict
+        The same, and more.
+
+    Raises
+    ------
+    InputError
+        A parameter that others follow from is wrong.
+    """
+    sections: Sections = dict(mapping)
+    for section, values in _of_rig(mapping).items():
+        given = sections.get(section, {})
+        if values and isinstance(given, Mapping):
+            sections[section] = {**values, **given}
+    return sections
+
+
+def released(whole: Mapping[str, Any], given: Mapping[str, Any], defaults: Mapping[str, Any]) -> Sections:
+    """Return a whole configuration without what has to follow anew from other parameters that are given.
+
+    Parameters
+    ----------
+    whole : Mapping
+        Section name to parameter name to value, all of them.
+    given : Mapping
+        What is about to be changed.
+    defaults : Mapping
+        The configuration that is given by nothing.
+
+    Returns
+    -------
+    dict
+        A copy of `whole`. A value that somebody chose stays, unless it is what followed before.
+    """
+    sections: Sections = {name: dict(values) for name, values in whole.items()}
+    if RigConfig.SECTION in given and isinstance(given[RigConfig.SECTION], Mapping):
+        before = _of_rig(whole)
+        after = _of_rig({**whole, RigConfig.SECTION: {**whole[RigConfig.SECTION], **given[RigConfig.SECTION]}})
+        for section in after:
+            for key in {*before[section], *after[section]}:
+                followed = before[section].get(key, defaults[section][key])
+                if sections[section][key] == followed:
+                    del sections[section][key]
+    return sections
+
+
+def _of_rig(mapping: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    values = mapping.get(RigConfig.SECTION)
+    rig = build_section(RigConfig, values) if isinstance(values, Mapping) else RigConfig()
+    hydraulic = mapping.get(ServoHydraulicConfig.SECTION)
+    pressure = hydraulic.get("supply_pressure") if isinstance(hydraulic, Mapping) else None
+    if isinstance(pressure, (int, float)) and not isinstance(pressure, bool) and pressure > 0.0:
+        return rig.derived(pressure)
+    return rig.derived()
