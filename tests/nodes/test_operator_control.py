@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import time
+from contextlib import suppress
 from itertools import count
 
 import numpy as np
@@ -21,6 +22,8 @@ from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.loop.states import NodeState
+from bmd_rths_core.loop.table_driver import NOT_CONFIRMED
+from bmd_rths_core.table.emulated.faults import parse_fault
 from bmd_rths_core.table.wire import Interlock
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import ROLES
@@ -37,6 +40,19 @@ def ask(client, service):
     """Call a service of the table driver and return whether it did it, and its words."""
     response = client.call(Trigger, f"/rths/table_driver/{service}", Trigger.Request())
     return response.success, response.message
+
+
+def flood(client, service, calls):
+    """Call a service of the table driver so often at once, by a client that keeps every answer; return them."""
+    patient = client.create_client(Trigger, f"/rths/table_driver/{service}", qos_profile=QoSProfile(depth=2 * calls))
+    wait_until(patient.service_is_ready)
+    ask(client, service)  # an answer that comes before the server has found a client is lost
+    for _ in range(20):
+        client.spin_some()
+    futures = [patient.call_async(Trigger.Request()) for _ in range(calls)]
+    with suppress(AssertionError):
+        wait_until(lambda: [client.spin_some() for _ in range(20)] and all(f.done() for f in futures), 30.0)
+    return [future.result().message for future in futures if future.done()]
 
 
 class Driver:
@@ -410,3 +426,26 @@ def test_third_ctrl_c_does_not_wait_for_a_table_driver_that_hangs(bmd_rths, tmp_
     assert processes_of_domain(domain) == {}
     (bag,) = (tmp_path / "bags").iterdir()
     assert read_bag(bag).outcome == "stopped"
+
+
+@pytest.mark.slow
+def test_each_call_of_a_flood_is_answered(client, start):
+    start("-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", "-p", "run.record:=false")
+    answers = flood(client, "reset", 500)
+    assert len(answers) == 500
+    assert all(answer.startswith("there is nothing to reset") for answer in answers)
+
+
+@pytest.mark.slow
+def test_emergency_stops_do_not_wait_one_by_one_for_a_controller_that_is_silent(client, start):
+    with emulator(LOCKSTEP.changed(run__lockstep=False)) as (server, connected):
+        table = {"controller": "udp", "address": connected.table.address, "give_up_after": 0.5}
+        given = [word for name, value in table.items() for word in ("-p", f"table.{name}:={value}")]
+        start("-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", "-p", "run.record:=false", *given)
+        wait_until(lambda: server.statistics()["state"] == "armed")
+        server._faults.set(parse_fault("dead"))
+        begin = time.monotonic()
+        answers = flood(client, "emergency_stop", 100)
+        assert len(answers) == 100
+        assert all(answer.endswith(f"before step 0; {NOT_CONFIRMED}") for answer in answers)
+        assert time.monotonic() - begin < 0.2 * 100 * 0.5

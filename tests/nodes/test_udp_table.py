@@ -1,5 +1,6 @@
 """UDP table controller: every fault of network and controller is counted, named, and never half-used."""
 
+import json
 import math
 import socket
 import struct
@@ -14,7 +15,10 @@ from scipy import signal
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
+from bmd_rths_core.identification.excited_table import DrivingStopped, drive
+from bmd_rths_core.loop.build import make_supervisor
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.loop.table_driver import NOT_CONFIRMED
 from bmd_rths_core.table import udp_controller as udp
 from bmd_rths_core.table.controller import NoAnswer, TableCommand
 from bmd_rths_core.table.emulated.faults import parse_fault
@@ -68,7 +72,7 @@ class Script:
         self.socket.settimeout(0.05)
         self.other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.datagrams = []
-        self.state = ControllerState.IDLE
+        self.state = self.after_stop = ControllerState.IDLE
         self.received = Counter()
         self._on_command = on_command
         self._ended = threading.Event()
@@ -89,7 +93,7 @@ class Script:
                     self.socket.sendto(answer, self.host)
             else:
                 if packet.kind is not Kind.STATUS:
-                    self.state = ControllerState.ARMED if packet.kind is Kind.ARM else ControllerState.IDLE
+                    self.state = ControllerState.ARMED if packet.kind is Kind.ARM else self.after_stop
                 bits = Interlock.EMERGENCY_STOP if self.state is ControllerState.INTERLOCK else Interlock(0)
                 self.socket.sendto(answer_to(packet, self.state, interlock=bits), self.host)
 
@@ -332,6 +336,39 @@ def test_nothing_is_awaited_after_the_end(scripted):
     assert (counts(table)["lost"], table.statistics()["udp_stop"]) == (1, "confirmed")
     with pytest.raises(RuntimeError, match="command of step 1 refused: the table is stopped"):
         table.begin(TableCommand(1, 0.0))
+
+
+def test_controller_that_never_leaves_stopping_has_not_confirmed_the_stop(scripted):
+    config = REAL_TIME.changed(table__stop_timeout=0.05, run__lockstep=True, table__resend_after=0.01)
+    table, script = scripted(lambda p: [answer_to(p)], config)
+    script.after_stop = ControllerState.STOPPING
+    with pytest.raises(DrivingStopped, match=NOT_CONFIRMED):
+        drive(table, make_supervisor(config), np.zeros(5), config.run.time_step)
+    assert not table.stop_confirmed
+    script.after_stop = script.state = ControllerState.IDLE
+    assert drive(table, make_supervisor(config), np.zeros(5), config.run.time_step).source == "driven"
+    assert table.stop_confirmed
+
+
+@pytest.mark.slow
+def test_run_whose_controller_never_leaves_stopping_has_failed(bmd_rths, tmp_path):
+    script = Script(lambda packet: [answer_to(packet)])
+    script.after_stop = ControllerState.STOPPING
+    try:
+        address = f"udp://127.0.0.1:{script.socket.getsockname()[1]}"
+        changes = {"run.preflight": "skip", "ground_motion.duration": 0.2, "table.stop_timeout": 0.5}
+        settings = [word for name, value in changes.items() for word in ("--set", f"{name}={value}")]
+        options = ("--lockstep", "--composed", "--output", tmp_path / "bags", "--json")
+        result = bmd_rths("run", CONFIG, "--table", address, *settings, *options).wait()
+    finally:
+        script.close()
+    assert (result.status, "Traceback" in result.errors) == (1, False), result.errors
+    told = json.loads(result.output)
+    assert (told["outcome"], told["stability"], told["steps"]) == ("failed", "failed", 41)
+    assert told["reason"].startswith("end of the ground motion")
+    assert told["reason"].count(NOT_CONFIRMED) == 1
+    analysed = bmd_rths("analyze", told["bag"]).wait()
+    assert NOT_CONFIRMED in analysed.output
 
 
 def test_poll_tells_why_the_controller_does_not_run(scripted):

@@ -11,7 +11,7 @@ import numpy as np
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.frequency_response import FloatArray
 from bmd_rths_core.loop.conductor import Begun, Conductor
-from bmd_rths_core.loop.hosting import Clock, VirtualClock, run_to_rest
+from bmd_rths_core.loop.hosting import Clock, VirtualClock, ending, run_to_rest
 from bmd_rths_core.loop.states import Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.record import RunRecord
@@ -151,8 +151,9 @@ def drive(
         run_to_rest(conductor, driver, time, stops_asked)
     except (OSError, RuntimeError) as error:
         raise DrivingStopped(f"table controller: {error}") from error
-    if conductor.outcome is not Outcome.FINISHED:
-        raise DrivingStopped(conductor.reason)
+    outcome, reason = ending(conductor, driver)
+    if outcome is not Outcome.FINISHED:
+        raise DrivingStopped(reason)
     if progress is not None:
         progress(conductor.step)
     if missing:

@@ -45,6 +45,22 @@ class VirtualClock:
         self._now = max(self._now, until)
 
 
+def ending(conductor: Conductor, driver: TableDriver) -> tuple[Outcome | None, str]:
+    """Return how a test ended, and why, once its table was brought to rest.
+
+    Parameters
+    ----------
+    conductor : Conductor
+        Its end of the test.
+    driver : TableDriver
+        What it knows of the stop: a test is not finished before the table is known to be at rest.
+    """
+    if not driver.stop_problem:
+        return conductor.outcome, conductor.reason
+    outcome = Outcome.FAILED if conductor.outcome is Outcome.FINISHED else conductor.outcome
+    return outcome, f"{conductor.reason}; {driver.stop_problem}"
+
+
 def run_to_rest(
     conductor: Conductor,
     driver: TableDriver,

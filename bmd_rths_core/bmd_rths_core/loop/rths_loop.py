@@ -17,7 +17,7 @@ from bmd_rths_core.loop.build import (
     make_table_controller,
 )
 from bmd_rths_core.loop.conductor import Begun, Conductor
-from bmd_rths_core.loop.hosting import Clock, VirtualClock, run_to_rest
+from bmd_rths_core.loop.hosting import Clock, VirtualClock, ending, run_to_rest
 from bmd_rths_core.loop.states import Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.record import RunRecord, empty_signals, provenance
@@ -100,9 +100,10 @@ class RthsLoop:
         Returns
         -------
         RunRecord
-            Outcome ``"finished"``, ``"limit"`` when a limit was passed, or ``"failed"``. The record then ends with the
-            step whose command was refused, without sensors, or before the step at which the stability indicator was
-            too large. The way to rest that follows every test stands apart, in ``way_to_rest``.
+            Outcome ``"finished"``, ``"limit"`` when a limit was passed, or ``"failed"``, also when the table did not
+            confirm its stop. After a limit the record ends with the step whose command was refused, without sensors, or
+            before the step at which the stability indicator was too large. The way to rest that follows every test
+            stands apart, in ``way_to_rest``.
 
         Raises
         ------
@@ -120,13 +121,14 @@ class RthsLoop:
         run_to_rest(self.conductor, self.driver, self._clock)
         self.supervisor.record(self.conductor.trips)
         conductor = self.conductor
+        outcome, reason = ending(conductor, self.driver)
         if progress is not None and conductor.outcome is Outcome.FINISHED:
             progress(conductor.step)
         recorded: dict[str, Any] = {name: signal[: conductor.step] for name, signal in self._signals.items()}
         return RunRecord(
             time_step=self._config.run.time_step,
-            outcome=str(conductor.outcome),
-            reason=conductor.reason,
+            outcome=str(outcome),
+            reason=reason,
             way_to_rest=rest_record(self._rest_commands, self._rest_measurements, len(self._config.specimen.masses)),
             **recorded,
             **provenance(self._config.as_mapping(), self._motion),

@@ -28,6 +28,9 @@ LOOKS_BEFORE_SILENCE = 20
 #: A host may be held up so often while a command is missing; one that is slow at every look must not go on for ever.
 MOST_EXCUSES = 3
 
+#: What is told of a stop that the table controller did not confirm.
+NOT_CONFIRMED = "the table controller did not confirm that the table is at rest"
+
 #: States in which the table may move.
 _MOVING = (DriveState.FOLLOWING, DriveState.RETURNING, DriveState.HELD)
 
@@ -64,6 +67,9 @@ class TableDriver:
         Last step whose command was passed on; -1 before the first.
     latest : TableMeasurement or None
         The last measurement, on the way to rest too.
+    stop_problem : str
+        Text that says what is missing of the confirmation of the last stop; empty when it was confirmed, when nothing
+        was stopped yet, and when the controller cannot tell.
 
     Notes
     -----
@@ -99,6 +105,7 @@ class TableDriver:
         self.reason = ""
         self.last_passed = self._last_on_the_way = -1
         self.latest: TableMeasurement | None = None
+        self.stop_problem = ""
         self._due = math.inf  # of the next command on the way to rest
         # Until then the supervisor has followed the table; None before step 0.
         self._followed_until: float | None = None
@@ -191,13 +198,15 @@ class TableDriver:
 
     def halt(self) -> None:
         """Stop the table by its controller: by the fastest way it has after an emergency stop was asked for."""
-        if self.supervisor.emergency:
-            self._table.emergency_stop()
-        else:
-            self._table.stop()
+        problem = self._stopped()
         self._due = math.inf
-        if self.state is not DriveState.RELEASED:
-            self.state = DriveState.AT_REST
+        if self.state is DriveState.RELEASED:
+            return
+        self.state = DriveState.AT_REST
+        self.stop_problem = problem
+        if problem:
+            self.outcome = self.outcome or Outcome.FAILED
+            self.reason = self.reason or problem
 
     def release(self) -> None:
         """Stop the table and give up the connection."""
@@ -211,6 +220,17 @@ class TableDriver:
         return self.state in _MOVING
 
     # ---- details
+
+    def _stopped(self) -> str:
+        """Ask the controller for the stop, and return what is missing of its confirmation."""
+        try:
+            if self.supervisor.emergency:
+                self._table.emergency_stop()
+            else:
+                self._table.stop()
+        except (OSError, RuntimeError) as error:  # the protocol forbids it; what follows a stop must not depend on it
+            return f"{NOT_CONFIRMED}: {error}"
+        return "" if getattr(self._table, "stop_confirmed", True) else NOT_CONFIRMED
 
     def _end(self, outcome: Outcome, reason: str, now: float) -> None:
         """End the test from here; the first outcome stays, the last reason is told."""

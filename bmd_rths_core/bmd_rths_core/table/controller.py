@@ -66,6 +66,9 @@ class TableController(Protocol):
 
     A controller whose table lives by steps, a model, has an attribute `by_steps` that is true: such a table moves with
     the commands. Without it the table is real: it holds each command until the next one, by the clock.
+
+    A controller that can tell has an attribute `stop_confirmed`: false while the last `stop` or `emergency_stop` was
+    not confirmed by the table. A test whose stop is not confirmed has failed.
     """
 
     def connect(self) -> None:

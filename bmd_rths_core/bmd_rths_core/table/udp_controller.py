@@ -218,6 +218,11 @@ class UdpTable:
         self.stop()
         self._transport.close()
 
+    @property
+    def stop_confirmed(self) -> bool:
+        """False while the controller has not said that its table is at rest after the last stop."""
+        return self._stop_confirmed
+
     def statistics(self) -> Mapping[str, str]:
         """Return the counts of packets, and whether the last stop was confirmed."""
         return {

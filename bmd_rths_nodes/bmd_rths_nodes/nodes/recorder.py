@@ -59,6 +59,9 @@ TEST_LOST_AFTER = 6.0
 #: table to rest.
 LONGEST_FAREWELL = 2.0
 
+#: What a bag says of a test whose table was still moving when it was last heard of.
+NOT_TOLD = "it did not tell that the table is at rest"
+
 #: Added to the niceness of the recorder's process.
 NICENESS = 5
 
@@ -123,7 +126,7 @@ class RecorderNode(StageNode):
         self._steps_told_of = 0
         self._end: End | None = None
         self._table_moves = False
-        self._trip = ""
+        self._trip = self._stop_problem = ""
         self._controller: str | None = None
 
     def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
@@ -248,6 +251,7 @@ class RecorderNode(StageNode):
             self._end = End.told_by(peer) or self._end
         elif peer.role == TABLE_DRIVER:
             self._table_moves = peer.values.get("table") == "moving"
+            self._stop_problem = peer.values.get("stop_problem", "")
             self._controller = peer.values.get("controller", self._controller or "")
             self._trip = peer.message if peer.state is NodeState.TRIPPED else self._trip
 
@@ -278,8 +282,14 @@ class RecorderNode(StageNode):
 
     def _close_as_told(self, end: End) -> None:
         # What the table driver did after the end, an emergency stop on the way to rest, belongs to how it ended.
-        later = "" if not self._trip or self._trip in end.reason else f"; {TABLE_DRIVER}: {self._trip}"
-        self._close(str(end.outcome), f"{end.reason}{later}", end.timing)
+        unconfirmed = NOT_TOLD if self._table_moves else self._stop_problem
+        outcome, reason = end.outcome, end.reason
+        for problem in (self._trip, unconfirmed):
+            if problem not in reason:
+                reason += f"; {TABLE_DRIVER}: {problem}"
+        if unconfirmed and outcome is Outcome.FINISHED:
+            outcome = Outcome.FAILED
+        self._close(str(outcome), reason, end.timing)
 
     def _close(self, outcome: str, reason: str, timing: TimingStatistics | None) -> None:
         writer = self._writer

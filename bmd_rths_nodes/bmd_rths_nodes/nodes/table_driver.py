@@ -36,6 +36,10 @@ _ACTIONS_AT_THE_END = {action.name.lower(): action for action in (Action.HOLD, A
 _LIMITED = ("displacement", "acceleration", "force")
 
 
+#: A call of the emergency stop this soon after the last one is answered by that one [s].
+EMERGENCY_PERIOD = 0.1
+
+
 class TableDriverNode(StageNode):
     """Host of `bmd_rths_core.loop.table_driver.TableDriver` and its table controller, simulated or real.
 
@@ -79,8 +83,9 @@ class TableDriverNode(StageNode):
             self._tell_changes()
 
     def _forget_the_last_test(self) -> None:
-        self._told: tuple[DriveState, str] = (DriveState.ARMED, "")
+        self._told: tuple[DriveState, str, str] = (DriveState.ARMED, "", "")
         self._test_ended = False
+        self._emergency_told = -math.inf
         self._peaks = (0.0,) * len(_LIMITED)
 
     def stop_stage(self) -> None:
@@ -105,7 +110,8 @@ class TableDriverNode(StageNode):
         if self.configured:
             driver = self._driver
             values |= {
-                "table": "moving" if driver.moving and not driver.supervisor.at_rest else "at rest",
+                "table": self._table_in_words(),
+                "stop_problem": driver.stop_problem,
                 "supervisor": driver.supervisor.state.value,
                 "trips": " | ".join(str(trip) for trip in driver.supervisor.trips),
                 **self.urgent_values(),
@@ -113,6 +119,11 @@ class TableDriverNode(StageNode):
                 **self._table.statistics(),
             }
         return values
+
+    def _table_in_words(self) -> str:
+        if self._driver.stop_problem:
+            return "not known to be at rest"
+        return "moving" if self._driver.moving and not self._driver.supervisor.at_rest else "at rest"
 
     def urgent_values(self) -> dict[str, str]:
         """Tell how the driver ended the test."""
@@ -167,15 +178,23 @@ class TableDriverNode(StageNode):
         if driver.supervisor.state is State.HOLDING:
             driver.finish(Action.RAMP, now)
             return "the hold has ended; the table is brought back to zero displacement"
-        return "the table is on its way to rest already" if driver.moving else "the table is at rest already"
+        if driver.moving:
+            return "the table is on its way to rest already"
+        return driver.stop_problem or "the table is at rest already"
 
     def _on_emergency_stop(self) -> str:
         """Stop the table by the fastest way it has, whatever it is doing."""
         self._refuse_when_inactive()
-        reason = "emergency stop by the operator"
-        self._driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, reason, time.perf_counter())
-        self._tell_changes()
-        return f"emergency stop: the table controller was told to stop at once, {self._since()}"
+        driver = self._driver
+        may_move = driver.moving or driver.state is DriveState.ARMED
+        # A controller that is silent is waited for; calls that have come meanwhile do not wait for it one by one.
+        if may_move or time.perf_counter() > self._emergency_told + EMERGENCY_PERIOD:
+            reason = "emergency stop by the operator"
+            driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, reason, time.perf_counter())
+            self._tell_changes()
+            self._emergency_told = time.perf_counter()
+        told = f"emergency stop: the table controller was told to stop at once, {self._since()}"
+        return f"{told}; {driver.stop_problem}" if driver.stop_problem else told
 
     def _on_reset(self) -> str:
         """Arm again for a new test, as an activation does."""
@@ -215,13 +234,17 @@ class TableDriverNode(StageNode):
         """Bring the table to rest when the test has ended; what is still on its way must not move it again."""
         if peer.role != NUMERICAL_SUBSTRUCTURE:
             return
-        now = time.perf_counter()
         # A numerical substructure that is gone has no test any more.
-        self._test_runs_until = now + 2.0 * STATUS_PERIOD if peer.state is NodeState.RUNNING else 0.0
+        running = peer.state is NodeState.RUNNING
+        self._test_runs_until = time.perf_counter() + 2.0 * STATUS_PERIOD if running else 0.0
         ended = peer.state in (NodeState.ENDED, NodeState.INACTIVE)
         if ended and self._driver.state is DriveState.FOLLOWING:
             self._test_ended = True
-            self._driver.finish(_ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP), now)
+            action = _ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP)
+            if action is not Action.EMERGENCY_STOP:  # told first: the confirmation of the stop may take long
+                self._told = (DriveState.RETURNING, "", "")
+                self.set_state(NodeState.ENDED, "bringing the table to rest")
+            self._driver.finish(action, time.perf_counter())
             self._tell_changes()
 
     def _on_command(self, step: int, command: float) -> None:
@@ -250,11 +273,14 @@ class TableDriverNode(StageNode):
         driver = self._driver
         if self.state is NodeState.INACTIVE:
             return
-        if (driver.state, driver.reason) != self._told:
-            self._told = (driver.state, driver.reason)
+        told = (driver.state, driver.reason, driver.stop_problem)
+        if told != self._told:
+            self._told = told
             if driver.outcome is not None:
-                level = status.WARN if driver.outcome is Outcome.STOPPED else status.ERROR
+                level = status.WARN if driver.outcome is Outcome.STOPPED and not driver.stop_problem else status.ERROR
                 self.log_later(f"table is stopped: {driver.reason}", level)
+                if driver.stop_problem not in driver.reason:
+                    self.log_later(driver.stop_problem, level)
                 self.set_state(NodeState.TRIPPED, driver.reason, level)
             elif driver.state is DriveState.RETURNING:
                 self.set_state(NodeState.ENDED, "bringing the table to rest")

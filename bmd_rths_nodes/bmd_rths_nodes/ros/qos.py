@@ -32,3 +32,7 @@ LOCKSTEP_STAGE = _profile(10, ReliabilityPolicy.RELIABLE)
 RECORDER = _profile(1000, ReliabilityPolicy.RELIABLE)
 
 DIAGNOSTICS = _profile(100, ReliabilityPolicy.RELIABLE)
+
+#: Calls of an operator, or of a program that calls without end: each is answered. Not KEEP_ALL, whose full queue would
+#: make an answer wait for a client that is gone.
+OPERATOR = QoSProfile(depth=2000)

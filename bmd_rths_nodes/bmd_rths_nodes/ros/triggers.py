@@ -10,6 +10,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from bmd_rths_msgs_py.topics import NAMESPACE
+from bmd_rths_nodes.ros import qos
 
 STOP, EMERGENCY_STOP, RESET = "stop", "emergency_stop", "reset"
 
@@ -36,7 +37,7 @@ def offer(node: Node, services: Mapping[str, Callable[[], str]]) -> None:
         By name, what each does. It returns a text of what was done, or raises `Refused`.
     """
     for name, action in services.items():
-        node.create_service(Trigger, f"~/{name}", _handler(action))
+        node.create_service(Trigger, f"~/{name}", _handler(action), qos_profile=qos.OPERATOR)
 
 
 def _handler(action: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
