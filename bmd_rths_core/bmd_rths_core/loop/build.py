@@ -185,7 +185,17 @@ def make_virtual_controller(config: Config, faults: Faults) -> VirtualController
         The whole configuration.
     faults : Faults
         Its faults, which may change at any time.
+
+    Raises
+    ------
+    InputError
+        The specimen softens or yields, which the virtual controller has no time of the test for.
     """
+    if config.simulated_table.damaged:
+        raise InputError(
+            "simulated_table.softening_factor, simulated_table.yield_drifts: not available on a virtual controller; "
+            "table.controller simulated is required"
+        )
     specimen, seed = config.specimen.building(), config.run.seed
 
     def servo(time_step: float) -> VirtualTable:
