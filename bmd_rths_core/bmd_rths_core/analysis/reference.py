@@ -98,10 +98,11 @@ def softened_reference_response(
     system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, of_state, of_state @ gamma_1)
     first = ground_acceleration[: step + 1, None]
     simulation = LinearSimulation(system, -gamma_1 * ground_acceleration[:1])
-    intact = np.concatenate(
+    intact: FloatArray = np.concatenate(
         [simulation.advance(first[begin : begin + _CHUNK])[0] for begin in range(0, len(first), _CHUNK)], axis=1
     )
-    motion, response = intact[: len(a), -1:], intact[len(a) :].T
+    motion: FloatArray = intact[: len(a), -1:]
+    response: FloatArray = intact[len(a) :].T
     a, b, c = after.relative_motion()
     phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step)
     system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, c, c @ gamma_1)
