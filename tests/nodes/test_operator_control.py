@@ -374,7 +374,7 @@ def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(
 @pytest.mark.slow
 def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rths, tmp_path, domain):
     """Where the test is stopped the table is some 80 mm off: longer than the recorder is waited for at rest."""
-    ramp = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.005}
+    ramp = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.012}
     child = bmd_rths("run", CONFIG, *arguments(**ramp), "--output", tmp_path / "bags", "--json")
     wait_until(lambda: recorded(tmp_path / "bags", 130_000))
     child.interrupt()

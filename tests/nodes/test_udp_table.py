@@ -549,7 +549,7 @@ def test_controller_that_is_idle_while_armed_ends_a_run_with_its_own_reason(bmd_
     script = Script(lambda packet: [])
     try:
         address = f"udp://127.0.0.1:{script.socket.getsockname()[1]}"
-        settings = ("--set", "run.preflight=skip", "--set", "run.settling_time=20.0", *options)
+        settings = ("--set", "run.preflight=skip", "--set", "run.settling_time=8.0", *options)
         child = bmd_rths("run", CONFIG, "--table", address, *settings, "--output", tmp_path / "bags")
         wait_until(lambda: script.received[Kind.ARM])
         script.state = ControllerState.IDLE
