@@ -28,7 +28,7 @@ WHEELS_STARTED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 @pytest.fixture
 def copy(tmp_path):
     """Copy what is installed, because building leaves files beside the sources."""
-    for folder in (*PACKAGES, "config", "ros2_ws"):
+    for folder in (*PACKAGES, "config", "packaging", "ros2_ws"):
         ignored = shutil.ignore_patterns("build", "install", "log", "*.egg-info", "__pycache__")
         shutil.copytree(ROOT / folder, tmp_path / "copy" / folder, symlinks=True, ignore=ignored)
     return tmp_path / "copy"
@@ -107,10 +107,19 @@ def test_pip(copy, tmp_path, environment, monkeypatch):
     shared = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages")]
     (site_packages / "shared.pth").write_text("\n".join(shared))
     python = prefix / "bin" / "python"
-    offline = ("--no-index", "--no-build-isolation", "--no-deps", "--ignore-installed", "--no-cache-dir")
-    succeed([python, "-m", "pip", "install", *offline, *(copy / p for p in PACKAGES)], tmp_path, environment)
+    offline = ("--no-index", "--no-deps", "--ignore-installed", "--no-cache-dir")
+    wheels = ("--no-index", "--no-build-isolation", "--no-deps", "--no-cache-dir", "--wheel-dir", tmp_path / "wheels")
+    folders = (*(copy / package for package in PACKAGES), copy / "packaging" / "bmd-rths")
+    succeed([sys.executable, "-m", "pip", "wheel", *wheels, *folders], tmp_path, environment)
+    found = ("--find-links", tmp_path / "wheels", "bmd-rths", *PACKAGES)
+    succeed([python, "-m", "pip", "install", *offline, *found], tmp_path, environment)
+    # As `pipx install bmd-rths[ros]` does: every requirement of the extras has a name that exists, and is there.
+    extras = ("--no-index", "--dry-run", "bmd-rths[ros,foxglove,parquet,mat73,cluster]")
+    told = succeed([python, "-m", "pip", "install", *extras], tmp_path, environment)
+    assert "Would install" not in told
+    assert "does not provide the extra" not in told
+    assert "simulate" in succeed([prefix / "bin" / "bmd-rths", "--help"], tmp_path, environment)
     assert all(site_packages in file.parents for file in where_imported(python, tmp_path, environment))
-    assert (prefix / "bin" / "bmd-rths").is_file()
     environment["AMENT_PREFIX_PATH"] = os.pathsep.join([str(prefix), os.environ.get("AMENT_PREFIX_PATH", "")])
     assert_installed(dict.fromkeys(PACKAGES, prefix), tmp_path, environment, monkeypatch)
 

@@ -1,0 +1,13 @@
+# Everything to run tests on the ROS graph: docker build -t bmd_rths . && docker run --rm --network host bmd_rths --help
+# A loop in real time wants --network host (a table controller on UDP), --ulimit rtprio=20 and processors of its own.
+FROM python:3.12-slim-bookworm
+WORKDIR /opt/bmd_rths
+COPY requirements.txt constraints.txt ./
+COPY bmd_rths_core bmd_rths_core
+COPY bmd_rths_msgs_py bmd_rths_msgs_py
+COPY bmd_rths_nodes bmd_rths_nodes
+COPY config config
+RUN pip install --no-cache-dir -r requirements.txt
+WORKDIR /work
+ENTRYPOINT ["bmd-rths"]
+CMD ["run", "/opt/bmd_rths/config/simplified_bmd.yaml", "--lockstep"]
