@@ -59,7 +59,7 @@ class Page:
         """Wait until an expression is true, and return its value."""
         end = time.monotonic() + timeout
         while not (value := await self.evaluate(code)):
-            assert time.monotonic() < end, f"{code} did not come true; {self.complaints}"
+            assert time.monotonic() < end, f"{code} did not come true; {set(self.complaints)}"
             await asyncio.sleep(0.05)
         return value
 

@@ -98,7 +98,7 @@ def test_values_are_those_of_the_bag_and_stop_stops_but_not_from_another_site(bm
         assert run.process.poll() is None
 
         await page.evaluate("document.getElementById('stop').click()")
-        await page.wait_for("document.getElementById('said').textContent.includes('table driver:')")
+        await page.wait_for("document.getElementById('events').textContent.includes('table driver:')")
         await page.wait_for("document.getElementById('word').textContent === 'STOPPED'")
         return shown, drawn, tiles, page.complaints
 
@@ -160,13 +160,13 @@ def children_of(parent, words):
     return found
 
 
-def test_page_of_a_graph_stops_the_table_and_ends_with_its_command(bmd_rths, tmp_path, client):
+@pytest.mark.parametrize("options", [(), ("--topics", CONFIG)], ids=["from the bag", "from the topics"])
+def test_page_of_a_graph_stops_the_table_and_ends_with_its_command(bmd_rths, tmp_path, options):
     """Nodes that somebody else has started: the services of the table driver are asked, and the bag is found."""
     from tornado.httpclient import HTTPClient, HTTPRequest
 
-    watching = bmd_rths("monitor", "--web")
+    watching = bmd_rths("monitor", "--web", *options)
     address, token = address_of(watching)
-    assert not children_of(watching.process.pid, "nothing")
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip", **PATIENT)
     run = bmd_rths("run", CONFIG, "--composed", *endless, "--output", tmp_path, "--json")
     http = HTTPClient()
@@ -177,14 +177,22 @@ def test_page_of_a_graph_stops_the_table_and_ends_with_its_command(bmd_rths, tmp
     wait_until(lambda: recorded(tmp_path, 100_000))
     (bag,) = wait_until(lambda: fetch("api/recordings")["bags"])
     assert fetch("api/recordings")["control"] is True
-    wait_until(lambda: fetch(f"api/view?run={bag['id']}").get("at", 0) > 100)
+    view = wait_until(lambda: (view := fetch(f"api/view?run={bag['id']}")).get("at", 0) > 100 and view)
+    shown, first = view["signals"]["desired_acceleration"], view["signals"]["first"]
     headers = {"Origin": address.rstrip("/"), "X-Bmd-Rths-Token": token}
     answer = fetch("api/stop", method="POST", headers=headers, body="")
     assert answer == {"answer": "asked the table driver: stop"}
     said = wait_until(lambda: fetch(f"api/view?run={bag['id']}")["said"])
     assert said[0].startswith("table driver, stop: the table is brought to rest, after step ")
     result = run.wait(60.0)
-    assert json.loads(result.output)["outcome"] == "stopped", result.errors
+    told = json.loads(result.output)
+    assert told["outcome"] == "stopped", result.errors
+    record = read_bag(told["bag"])
+    heard = [value for value in shown if value is not None]
+    assert len(heard) > 90
+    expected = record.desired_acceleration[first : first + len(shown)].tolist()
+    assert all(value is None or value == wanted for value, wanted in zip(shown, expected, strict=True))
+    wait_until(lambda: fetch(f"api/view?run={bag['id']}")["banner"]["word"] == "STOPPED", 20.0)
     watching.interrupt()
     assert watching.wait(20.0).status == 0
     http.close()

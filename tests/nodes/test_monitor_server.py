@@ -20,7 +20,7 @@ from bmd_rths_msgs_py.node_status import NodeStatus
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.monitor_web import RunPage
 from bmd_rths_nodes.monitor_page import banner as banners
-from bmd_rths_nodes.monitor_page.banner import banner
+from bmd_rths_nodes.monitor_page.banner import banner, looking_back
 from bmd_rths_nodes.monitor_page.events import EventLog
 from bmd_rths_nodes.monitor_page.recordings import Recordings
 from bmd_rths_nodes.monitor_page.server import STATIC, TOKEN_HEADER, MonitorServer
@@ -111,6 +111,7 @@ def test_a_step_in_the_past_is_shown_as_it_was(folder, record):
     assert used["displacement"]["peak"] == np.abs(record.table_displacement[:300]).max()
     assert used["actuator force"]["limit"] == 500e3
     assert view["tracking"]["end"] == []  # no window is complete
+    assert view["banner"]["word"] == "LOOKING BACK"
 
 
 def test_limits_outcome_and_reasons_at_the_end(folder, record):
@@ -326,11 +327,11 @@ def run(record, tmp_path):
     return follower.run
 
 
-def said(run, *entries, used=None, at_end=True, ago=0.1, signal_ago=0.1):
+def said(run, *entries, used=None, ago=0.1, signal_ago=0.1):
     statuses = {entry.status.role: entry.status for entry in entries}
     snapshot = take_snapshot(statuses, dict.fromkeys(statuses, 0.1), statuses)
     run.last_heard, run.last_signal = 1000.0 - ago, 1000.0 - signal_ago
-    return tuple(banner(run, snapshot, used or {}, at_end, 1000.0))
+    return tuple(banner(run, snapshot, used or {}, 1000.0))
 
 
 RUNNING = told("numerical_substructure", "running", after=5)
@@ -338,7 +339,6 @@ RUNNING = told("numerical_substructure", "running", after=5)
 
 def test_banner_says_how_a_test_has_ended(run):
     assert said(run, RUNNING) == ("STOPPED", "by hand", "care")
-    assert said(run, RUNNING, at_end=False)[0] == "RUNNING"
 
 
 def test_banner_of_a_test_that_is_under_way(run):
@@ -365,6 +365,14 @@ def test_banner_never_shows_old_data_as_if_they_were_new(run):
         f"the recording has no end; it holds {run.shown_steps} steps",
         "alarm",
     )
+
+
+def test_banner_never_says_running_of_the_past_and_shows_an_alarm_all_the_same():
+    running, limit = banners.Banner("RUNNING", "", "good"), banners.Banner("LIMIT", "force", "alarm")
+    back = looking_back(running, live=True, time=8.0)
+    assert back == ("LOOKING BACK", "what is shown was at 8.00 s; now: running", "quiet")
+    assert looking_back(limit, live=True, time=8.0) == ("LIMIT", "force; what is shown was at 8.00 s", "alarm")
+    assert looking_back(limit, live=False, time=8.0).sentence == "what is shown was at 8.00 s; in the end: limit"
 
 
 # ---- the buttons of `run --monitor`

@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_nodes.cli.configuration import ConfigChoice
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log
 from bmd_rths_nodes.cli.results import without_nan
@@ -50,14 +51,24 @@ _QUANTITIES = {"displacement": "displacement", "acceleration": "command", "force
     metavar="PORT",
     help="Let Foxglove watch too, on this port; read-only.",
 )
+@click.option("--topics", metavar="CONFIG", help="Listen to the topics, where no recorder writes on this computer.")
 @json_option
-def monitor(recordings: Path | None, once: bool, web: bool, port: int, foxglove: int | None, as_json: bool) -> int:
+def monitor(
+    recordings: Path | None,
+    once: bool,
+    web: bool,
+    port: int,
+    foxglove: int | None,
+    topics: str | None,
+    as_json: bool,
+) -> int:
     """Watch the run on this ROS domain: nodes, deadlines, table, limits and recording.
 
     It only listens to /diagnostics; a test neither notices it nor waits for it. Ctrl-C ends it and nothing else.
 
     --web shows every signal as well, from the bag while it is written: the page listens to no topic. With a BAG, or a
-    FOLDER of bags or of a campaign, it shows that recording and needs no ROS.
+    FOLDER of bags or of a campaign, it shows that recording and needs no ROS. --topics CONFIG listens instead, best
+    effort, where the recorder is on another computer; CONFIG is that of the test.
 
     --json implies --once; with --web it prints the address.
     """
@@ -67,15 +78,18 @@ def monitor(recordings: Path | None, once: bool, web: bool, port: int, foxglove:
         raise click.UsageError("--once prints a picture, --web and BAG show a page; one of them is required")
     if foxglove is not None and not web and recordings is None:
         raise click.UsageError("--foxglove belongs to --web")
+    if topics is not None and (not web or recordings is not None):
+        raise click.UsageError("--topics belongs to --web without a recording")
     if recordings is not None:
         with collected_interrupts() as interrupts:
             return monitor_web.show_recordings(recordings, port, foxglove, as_json, interrupts)
+    config = None if topics is None else ConfigChoice(topics).resolve()
     require_ros("monitor")
     from bmd_rths_nodes.run.monitor import RunMonitor
 
     with collected_interrupts() as interrupts, RunMonitor() as run:
         if web:
-            return monitor_web.show_graph(run, port, foxglove, as_json, interrupts)
+            return monitor_web.show_graph(run, port, foxglove, config, as_json, interrupts)
         if once or as_json:
             return _print_once(run, as_json, interrupts)
         with Live(console=Console(), auto_refresh=False) as live:

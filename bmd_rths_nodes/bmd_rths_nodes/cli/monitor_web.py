@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import queue
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +18,9 @@ from bmd_rths_nodes.cli.options import log
 from bmd_rths_nodes.monitor_page.process import PageProcess, lower_priority
 
 if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
     from bmd_rths_nodes.run.monitor import RunMonitor
+    from bmd_rths_nodes.run.topic_tap import TopicTap
 
 #: Time between two looks at the graph [s].
 _PERIOD = 0.05
@@ -46,8 +50,18 @@ def show_recordings(path: Path, port: int, foxglove: int | None, as_json: bool, 
     return 0
 
 
-def show_graph(monitor: RunMonitor, port: int, foxglove: int | None, as_json: bool, interrupts: Sequence[int]) -> int:
-    """Serve the page of the run on this ROS domain until Ctrl-C, in a process of its own."""
+def show_graph(
+    monitor: RunMonitor,
+    port: int,
+    foxglove: int | None,
+    config: Config | None,
+    as_json: bool,
+    interrupts: Sequence[int],
+) -> int:
+    """Serve the page of the run on this ROS domain until Ctrl-C, in a process of its own.
+
+    Without a configuration it follows the bag of the recorder, with one the topics.
+    """
     from bmd_rths_msgs_py.topics import RECORDER
 
     asked: queue.Queue[str] = queue.Queue()
@@ -56,12 +70,17 @@ def show_graph(monitor: RunMonitor, port: int, foxglove: int | None, as_json: bo
         asked.put(what)
         return f"asked the table driver: {what.replace('_', ' ')}"
 
-    with PageProcess(port, foxglove, on_ask) as page:
+    with ExitStack() as stack, PageProcess(port, foxglove, on_ask) as page:
+        tap = None if config is None else stack.enter_context(_tap(monitor, config))
         _tell(page.url, as_json, WATCH)
         while not interrupts:
             monitor.update(_PERIOD)
-            recorder = monitor.status.get(RECORDER)
-            page.show("" if recorder is None else recorder.values.get("bag", ""))
+            if tap is not None:
+                tap.poll()
+                page.show(str(tap.bag))
+            else:
+                recorder = monitor.status.get(RECORDER)
+                page.show("" if recorder is None else recorder.values.get("bag", ""))
             while not asked.empty():
                 monitor.table.call(asked.get())
             for service, answer in monitor.table.update():
@@ -70,6 +89,19 @@ def show_graph(monitor: RunMonitor, port: int, foxglove: int | None, as_json: bo
                 log("error: the page has ended")
                 return 1
     return 0
+
+
+@contextmanager
+def _tap(monitor: RunMonitor, config: Config) -> Iterator[TopicTap]:
+    """Listen to the topics, into a folder that is gone in the end."""
+    from bmd_rths_nodes.run.topic_tap import TopicTap
+
+    with tempfile.TemporaryDirectory(prefix="bmd_rths_heard_") as folder:
+        tap = TopicTap(monitor, config, Path(folder))
+        try:
+            yield tap
+        finally:
+            tap.close()
 
 
 class RunPage:

@@ -41,34 +41,32 @@ def no_run() -> Banner:
     return Banner("NO TEST", "waiting for a recording", QUIET)
 
 
-def banner(run: GrowingRun, snapshot: Mapping[str, Any], used: Mapping[str, float], at_end: bool, now: float) -> Banner:
-    """Return what the page says of a run.
+def banner(run: GrowingRun, snapshot: Mapping[str, Any], used: Mapping[str, float], now: float) -> Banner:
+    """Return what the page says of a run as it is now.
 
     Parameters
     ----------
     run : GrowingRun
         The run.
     snapshot : Mapping
-        What its nodes had told, as `run.graph_state.take_snapshot` has it.
+        What its nodes have told, as `run.graph_state.take_snapshot` has it.
     used : Mapping of str to float
         Share of each limit that is used, by what it limits.
-    at_end : bool
-        True when the last step is shown, not one in the past.
     now : float
         Wall time [s].
     """
     silence = now - run.last_heard
-    if at_end and run.outcome:
+    if run.outcome:
         word, colour = _OUTCOMES.get(run.outcome, (run.outcome.upper(), ALARM))
         return Banner(word, run.reason, colour)
-    if at_end and silence > CUT:
+    if silence > CUT:
         return Banner("CUT", f"the recording has no end; it holds {run.shown_steps} steps", ALARM)
     test, table, nodes = snapshot["test"] or {}, snapshot["table"] or {}, snapshot["nodes"]
     tripped = {role: node for role, node in nodes.items() if node["state"] == NodeState.TRIPPED}
     state = nodes.get(NUMERICAL_SUBSTRUCTURE, {}).get("state")
-    if at_end and state == NodeState.RUNNING and now - run.last_signal > STALE_SIGNALS:
+    if state == NodeState.RUNNING and now - run.last_signal > STALE_SIGNALS:
         return Banner("NO DATA", f"no signal has come for {now - run.last_signal:.1f} s", ALARM)
-    if at_end and silence > STALE:
+    if silence > STALE:
         return Banner("NO DATA", f"nothing has come for {silence:.1f} s", ALARM)
     for role, node in tripped.items():
         return Banner("TRIPPED", f"{role.replace('_', ' ')}: {node['message']}", ALARM)
@@ -83,6 +81,24 @@ def banner(run: GrowingRun, snapshot: Mapping[str, Any], used: Mapping[str, floa
     if state == NodeState.READY:
         return Banner("READY", "the test begins", CARE)
     return Banner("STARTING", "the nodes find each other", QUIET)
+
+
+def looking_back(now: Banner, live: bool, time: float) -> Banner:
+    """Return what the page says while it shows a time in the past: never that the test runs, and an alarm as ever.
+
+    Parameters
+    ----------
+    now : Banner
+        What it would say of the run as it is.
+    live : bool
+        True while the run is recorded.
+    time : float
+        Test time that is shown [s].
+    """
+    shown = f"what is shown was at {time:.2f} s"
+    if live and now.colour == ALARM:
+        return Banner(now.word, f"{now.sentence}; {shown}", ALARM)
+    return Banner("LOOKING BACK", f"{shown}; {'now' if live else 'in the end'}: {now.word.lower()}", QUIET)
 
 
 def _running(used: Mapping[str, float]) -> Banner:

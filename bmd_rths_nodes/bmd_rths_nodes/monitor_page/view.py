@@ -13,7 +13,7 @@ from bmd_rths_core.signals import SIGNALS
 from bmd_rths_msgs_py.bag_follower import BagFollower
 from bmd_rths_msgs_py.growing_run import GrowingRun, Told
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE
-from bmd_rths_nodes.monitor_page.banner import ALARM, Banner, banner, no_run
+from bmd_rths_nodes.monitor_page.banner import ALARM, Banner, banner, looking_back, no_run
 from bmd_rths_nodes.monitor_page.events import EventLog
 from bmd_rths_nodes.run.graph_state import number, take_snapshot
 
@@ -75,25 +75,31 @@ class RunView:
         time_step = run.config.run.time_step
         first = max(since, shown - math.ceil(min(span, LONGEST_SPAN) / time_step), 0)
         told = run.told if shown == steps else run.told[: bisect_right(run.told, shown, key=lambda entry: entry.step)]
-        snapshot = _snapshot(told, now)
-        limits = _limits(run, shown, told)
-        used = {limit["words"]: limit["now"] / limit["limit"] for limit in limits if limit["watched"] and limit["now"]}
+        live = not (self.follower.ended or self.follower.damaged)
         begin = shown * time_step - span
         return {
             "story": _story(run, told),
-            "banner": banner(run, snapshot, used, shown == steps, now)._asdict(),
-            "live": not (self.follower.ended or self.follower.damaged),
+            "banner": _banner(run, None if shown == steps else shown * time_step, live, now)._asdict(),
+            "live": live,
             "steps": steps,
             "at": shown,
             "time": shown * time_step,
             "signals": {"first": min(first, shown), **_signals(run, min(first, shown), shown)},
             "tracking": _tracking(run, begin, shown * time_step),
             "stability": _stability(told, begin, time_step),
-            "limits": limits,
+            "limits": _limits(run, shown, told),
             "closure": _closure(run, shown),
-            "snapshot": snapshot,
+            "snapshot": _snapshot(told, now),
             "events": [event.as_mapping() for event in self._events.events if event.step <= shown][-MOST_EVENTS:],
         }
+
+
+def _banner(run: GrowingRun, back_at: float | None, live: bool, now: float) -> Banner:
+    """Return what is said of the run; `back_at` is the test time that is shown if it is not the last [s]."""
+    limits = _limits(run, run.shown_steps, run.told)
+    used = {limit["words"]: limit["now"] / limit["limit"] for limit in limits if limit["watched"] and limit["now"]}
+    found = banner(run, _snapshot(run.told, now), used, now)
+    return found if back_at is None else looking_back(found, live, back_at)
 
 
 def _story(run: GrowingRun, told: Iterable[Told]) -> dict[str, Any]:

@@ -31,6 +31,9 @@ LOCKSTEP_STAGE = _profile(10, ReliabilityPolicy.RELIABLE)
 #: Asked for by the recorder: five seconds of messages at 200 Hz.
 RECORDER = _profile(1000, ReliabilityPolicy.RELIABLE)
 
+#: Asked for by who only watches, as the page of a monitor on another computer: nothing is sent again for it.
+WATCHER = _profile(1000, ReliabilityPolicy.BEST_EFFORT)
+
 DIAGNOSTICS = _profile(100, ReliabilityPolicy.RELIABLE)
 
 #: Calls of an operator, or of a program that calls without end: each is answered. Not KEEP_ALL, whose full queue would

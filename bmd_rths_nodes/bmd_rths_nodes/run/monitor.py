@@ -13,8 +13,9 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bmd_rths_msgs_py.topics import NAMESPACE, ROLES, TABLE_DRIVER
+from bmd_rths_msgs_py.topics import DIAGNOSTICS, NAMESPACE, ROLES, TABLE_DRIVER, Topic
 from bmd_rths_nodes.ros import qos, status
+from bmd_rths_nodes.ros.messages import message_class
 from bmd_rths_nodes.ros.middleware import prepare_middleware
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.triggers import EMERGENCY_STOP, STOP, TriggerClients
@@ -96,6 +97,19 @@ class RunMonitor:
         end = time.perf_counter() + seconds
         while (left := end - time.perf_counter()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
+
+    def listen(self, topic: Topic, on_message: Callable[[bytes], None]) -> None:
+        """Give the bytes of every message of a topic to a function, best effort.
+
+        Parameters
+        ----------
+        topic : Topic
+            The topic.
+        on_message : callable
+            Takes a message as CDR.
+        """
+        profile = qos.DIAGNOSTICS if topic is DIAGNOSTICS else qos.WATCHER
+        self._node.create_subscription(message_class(topic), topic.full_name, on_message, profile, raw=True)
 
     def spin_too(self, node: Node) -> None:
         """Take the messages of another node of this process too, until it is destroyed.

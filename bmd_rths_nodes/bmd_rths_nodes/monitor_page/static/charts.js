@@ -50,7 +50,7 @@ function definitions(floors) {
       legend: { show: false },
       scales: { x: { time: false, range: (u) => u.reach ?? [-1, 1] }, y: { range: (u) => u.reach ?? [-1, 1] } },
       axes: [axis(), upright()],
-      series: [{}, line("the same", "grey", { width: 0.08 * rem() }), line("achieved", "red", { paths: () => null, points: { show: true, size: 0.28 * rem(), fill: colour("red"), width: 0 } })],
+      series: [{}, line("the same", "grey", { width: 0.08 * rem(), spanGaps: true }), line("achieved", "red", { paths: () => null, points: { show: true, size: 0.28 * rem(), fill: colour("red"), width: 0 } })],
       data: (v) => synchronised(v),
       before: (u, data) => { u.reach = [data[0][0], data[0].at(-1)]; },
     },
@@ -90,7 +90,7 @@ function synchronised(v) {
   pairs.sort((one, other) => one[0] - other[0]);
   const top = 1.1 * Math.max(1e-3, ...pairs.flat().map(Math.abs)); // the line reaches from corner to corner
   const x = [-top, ...pairs.map((pair) => pair[0]), top];
-  return [x, x, [null, ...pairs.map((pair) => pair[1]), null]];
+  return [x, [-top, ...pairs.map(() => null), top], [null, ...pairs.map((pair) => pair[1]), null]];
 }
 
 function histogram({ edges_ms, counts, beyond, deadline_ms }) {
@@ -99,6 +99,13 @@ function histogram({ edges_ms, counts, beyond, deadline_ms }) {
   const all = [...counts, beyond, 0].map((count) => count || null);
   const late = (i) => x[i] >= deadline_ms - 1e-9;
   return [x, all.map((count, i) => (late(i) ? null : count)), all.map((count, i) => (late(i) ? count : null))];
+}
+
+/** Why a chart cannot be drawn, if it cannot. */
+function missing(name, { closure, stability, tracking }) {
+  if (name === "closure") return closure.why;
+  if (name === "tracking" && tracking.end.length === 0) return "no window of 2 s with enough motion";
+  return name === "stability" && stability.time.length === 0 ? "nothing was told of it in this time" : undefined;
 }
 
 /** All charts of the page, made again when size of letters, theme or number of floors change. */
@@ -123,7 +130,7 @@ export class Charts {
 
   drawOne(name, definition, v) {
     const place = document.getElementById(name);
-    const why = name === "closure" ? v.view.closure.why : undefined;
+    const why = missing(name, v.view);
     place.classList.toggle("why", why !== undefined);
     if (why !== undefined) {
       this.plots[name]?.destroy();

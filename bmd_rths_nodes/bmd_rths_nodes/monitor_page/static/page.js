@@ -120,10 +120,12 @@ function lost() {
 
 async function ask(button, what) {
   button.classList.add("asked");
+  const before = page.said;
   try {
     const response = await fetch(`/api/${what}`, { method: "POST", headers: { "X-Bmd-Rths-Token": token } });
     const refused = `${await response.clone().text()}; open the page by the address on the terminal`;
-    say(response.ok ? (await response.json()).answer : refused);
+    const answer = response.ok ? (await response.json()).answer : refused;
+    if (!response.ok || page.said === before) say(answer); // what the table driver itself says is more
   } catch {
     say("NO ANSWER: use the terminal (Ctrl-C) or the emergency stop of the hydraulics");
   }
@@ -179,9 +181,9 @@ function tiles(view) {
   const last = (name) => tracking[name].at(-1);
   const used = view.limits.filter((limit) => limit.watched && known(limit.now)).sort((one, other) => other.now / other.limit - one.now / one.limit)[0];
   const share = used ? used.now / used.limit : null;
-  const planned = story.planned_steps ? `of ${fixed(story.planned_steps * story.time_step, 1)} s` : "";
+  const planned = story.planned_steps ? `of ${fixed(story.planned_steps * story.time_step, 1)} s · ` : "";
   put("tiles", [
-    ["test time", fixed(time, 1), "s", `${planned} · step ${view.at}`],
+    ["test time", fixed(time, 1), "s", `${planned}step ${view.at}`],
     ["tracking error", digits(last("error_percent")), "%", "over 2 s, with noise"],
     ["delay", fixed(last("delay_ms"), 1), "ms", "of the table, over 2 s"],
     ["amplitude", fixed(last("amplitude"), 2), "", `tracking indicator ${fixed(last("indicator"), 2)}`],
@@ -220,7 +222,9 @@ function limits(found) {
 }
 
 function nodes({ snapshot, live, at, steps }) {
-  put("nodes", Object.entries(snapshot.nodes).map(([role, node]) => {
+  const told = Object.entries(snapshot.nodes);
+  if (told.length === 0) put("nodes", [element("span", "none has told anything", { class: "why" })]);
+  else put("nodes", told.map(([role, node]) => {
     const silent = live && at === steps && node.told_s_ago > SILENT && !["ended", "inactive"].includes(node.state);
     const row = element("div", "", { "data-colour": silent ? "alarm" : NODE_COLOURS[node.state] ?? "quiet", title: node.message });
     row.append(element("span", role.replaceAll("_", " ")), element("b", silent ? `silent ${Math.round(node.told_s_ago)} s` : node.state ?? "–"));
@@ -256,6 +260,8 @@ function timeBar(view, dt) {
 
 // ---- recordings
 
+const heading = (name) => name.replace(/_percent$/, " [%]").replace(/_ms$/, " [ms]").replace("rmse", "RMSE").replaceAll("_", " ");
+
 function showRecordings() {
   const { bags, campaign } = page.list ?? { bags: [], campaign: null };
   const names = new Map(bags.map((bag) => [bag.id, bag.name]));
@@ -278,8 +284,8 @@ function showRecordings() {
   };
   if (campaign === null) table.append(...bags.map((bag) => row("td", [open(bag.id, bag.name)])));
   else {
-    table.append(row("th", ["", ...campaign.columns.map((name) => name.replaceAll("_", " "))]));
-    campaign.rows.forEach((cells, i) => table.append(row("td", [names.has(campaign.ids[i]) ? open(campaign.ids[i], "show") : "no bag", ...cells])));
+    table.append(row("th", ["", ...campaign.columns.map(heading)]));
+    campaign.rows.forEach((cells, i) => table.append(row("td", [names.has(campaign.ids[i]) ? open(campaign.ids[i], "show") : "no bag", ...cells.map((cell) => (cell === "{}" ? "" : cell))])));
   }
   put("list", [table]);
   place("recordings").showModal();
