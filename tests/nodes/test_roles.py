@@ -2,12 +2,15 @@
 
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from bmd_rths_core.config import SECTIONS
+from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_msgs_py import topics
+from bmd_rths_nodes.nodes.command_shaper import CommandShaperNode
 from bmd_rths_nodes.nodes.composed_loop import LOOP_NODES
+from bmd_rths_nodes.nodes.numerical_substructure import NumericalSubstructureNode
 from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES, module_of
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES
@@ -46,3 +49,15 @@ def test_executables_processes_and_composition():
     assert [node.ROLE for node in LOOP_NODES] == [role.name for role in LOOP]
     assert tuple(module_of(name) for name in ROLES) == PROCESSES
     assert (module_of(COMPOSED_LOOP), module_of("recorder")) == COMPOSED_PROCESSES
+
+
+@pytest.mark.parametrize("scheme", ["plc_fc", "ats", "mpic"])
+def test_node_that_makes_a_compensator_agrees_on_everything_it_is_made_from(scheme):
+    """What two nodes read has to be the same in both; a node reads more than its role declares."""
+    asked = SimpleNamespace(config=Config().changed(run__scheme=scheme))
+    told = {node: set(node.further_sections(asked)) for node in (NumericalSubstructureNode, CommandShaperNode)}
+    model = {"identified_model", "specimen", "shear_estimator", "force_correction", scheme}
+    maker = {"ats": CommandShaperNode, "mpic": NumericalSubstructureNode}.get(scheme)
+    for node, sections in told.items():
+        assert (model <= sections) == (node is maker)
+        assert bool(sections) == (node is maker)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.compensators.protocol import InterfaceControl, Known, SensorNoise, Shaper
+from bmd_rths_core.compensators.schemes import Scheme
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.control_stage import ControlStage
@@ -39,6 +40,25 @@ def make_numerical_substructure(config: Config) -> NumericalSubstructure | Nonli
     if config.nonlinear.integration != "exact":
         return NonlinearSubstructure(config.numerical_substructure, config.nonlinear, config.run.time_step)
     return NumericalSubstructure(config.numerical_substructure, config.run.time_step)
+
+
+#: Sections that `make_known` reads.
+_OF_KNOWN = (
+    *("identified_model", "specimen", "numerical_substructure", "nonlinear", "force_correction", "shear_estimator"),
+)
+
+
+def sections_of_compensator(config: Config) -> tuple[str, ...]:
+    """Return the sections that the compensator is made from; none for those of the paper, which have their own stages.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    settings = config.compensator.settings
+    of_the_paper = config.run.scheme in set(Scheme)
+    return () if settings is None or of_the_paper else (section_name(settings), *_OF_KNOWN)
 
 
 def make_known(config: Config) -> Known:

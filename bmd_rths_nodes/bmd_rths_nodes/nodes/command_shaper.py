@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.loop.build import make_command_shaper
+from bmd_rths_core.loop.build import make_command_shaper, sections_of_compensator
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.topics import COMMAND, COMMAND_SHAPER, DESIRED_ACCELERATION, MEASUREMENT
 from bmd_rths_nodes.ros.messages import owns_the_interface, shaper_learns
@@ -34,6 +34,10 @@ class CommandShaperNode(StageNode):
         """Forget the past."""
         self._stage.reset()
         self._forget()
+
+    def further_sections(self) -> tuple[str, ...]:
+        """Return what the shaper is made from."""
+        return () if owns_the_interface(self.config) else sections_of_compensator(self.config)
 
     def _forget(self) -> None:
         self._shaped = self._learnt = -1

@@ -14,7 +14,7 @@ from typing import Any
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop.build import make_numerical_stage, make_stability_indicator
+from bmd_rths_core.loop.build import make_numerical_stage, make_stability_indicator, sections_of_compensator
 from bmd_rths_core.loop.conductor import Begun, Conductor
 from bmd_rths_core.loop.peers import Peer
 from bmd_rths_core.loop.states import NodeState, Outcome
@@ -82,6 +82,10 @@ class NumericalSubstructureNode(StageNode):
     def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the parameters and, because the name of a file says little, what the ground motion is."""
         return with_motion(super().shared_parameters(), self._motion)
+
+    def further_sections(self) -> tuple[str, ...]:
+        """Return what an interface control is made from."""
+        return sections_of_compensator(self.config) if owns_the_interface(self.config) else ()
 
     @property
     def drives(self) -> bool:

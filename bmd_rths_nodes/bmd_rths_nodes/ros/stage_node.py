@@ -103,8 +103,13 @@ class StageNode(ManagedNode):
     def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
         """Return what has to be the same in every node that has it, by section."""
         mapping = self.config.as_mapping()
-        sections = ROLES[self.ROLE].sections
-        return {section: mapping[section] for section in (mapping if sections is None else sections)}
+        declared = ROLES[self.ROLE].sections
+        sections = mapping if declared is None else dict.fromkeys((*declared, *self.further_sections()))
+        return {section: mapping[section] for section in sections}
+
+    def further_sections(self) -> tuple[str, ...]:
+        """Return the sections that this node reads besides those of its role."""
+        return ()
 
     def on_disturbance(self, problem: str) -> None:
         """Take no part in the test any more: somebody else publishes what this node listens to."""
