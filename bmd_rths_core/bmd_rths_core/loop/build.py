@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.compensators.protocol import InterfaceControl, Known, SensorNoise, Shaper
-from bmd_rths_core.compensators.schemes import Scheme
+from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.control_stage import ControlStage
@@ -57,7 +57,7 @@ def sections_of_compensator(config: Config) -> tuple[str, ...]:
         The whole configuration.
     """
     settings = config.compensator.settings
-    of_the_paper = config.run.scheme in set(Scheme)
+    of_the_paper = config.run.scheme in SCHEME_NAMES
     return () if settings is None or of_the_paper else (section_name(settings), *_OF_KNOWN)
 
 
