@@ -12,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import urllib.request
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -178,6 +179,32 @@ def test_figures(offline):
     done = offline("figures", "simplified_bmd", "--only", "11", "--output", offline.folder / "figures", "--json")
     (figure,) = json.loads(done.stdout)["figures"]
     assert all(Path(offline.folder, file).is_file() for file in figure["files"])
+
+
+def test_page_of_a_recording(offline, bag):
+    """The page is in the installed package, with its scripts and the licence of the one that is not ours."""
+    command = [offline.folder / "venv" / "bin" / "bmd-rths", "monitor", bag, "--json"]
+    with subprocess.Popen(
+        command, env=offline.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            url = json.loads(process.stdout.readline())["url"]
+            for name, words in (("", b"<title>"), ("page.js", b"/api/view"), ("uplot/LICENSE", b"MIT License")):
+                with urllib.request.urlopen(url + name, timeout=30) as answer:
+                    assert words in answer.read()
+            with urllib.request.urlopen(f"{url}api/recordings", timeout=30) as answer:
+                assert [found["name"] for found in json.load(answer)["bags"]] == [bag.name]
+        finally:
+            process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert process.returncode == 0
+
+
+def test_layouts_and_a_look_at_the_computer(offline):
+    files = json.loads(offline("layouts", "--output", offline.folder / "layouts", "--json").stdout)["files"]
+    assert all(Path(offline.folder, file).stat().st_size > 1000 for file in files)
+    checks = {check["name"]: check for check in json.loads(offline("doctor", "--quick", "--json").stdout)["checks"]}
+    assert (checks["ROS 2"]["level"], checks["ROS 2"]["found"]) == ("note", "not installed")
 
 
 def test_emulate(offline):
