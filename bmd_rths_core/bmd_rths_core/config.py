@@ -161,6 +161,11 @@ class Config:
                 f"safety.stuck_time: {self.safety.stuck_time:g} s is less than one time step; "
                 f"run.time_step, {self.run.time_step:g} s, or more is required"
             )
+        if self.simulated_table.softening_factor != 1.0 and not self.nonlinear.linear_chain:
+            raise InputError(
+                "simulated_table.softening_factor: a specimen that softens over a numerical substructure that is not "
+                "linear has no reference; 1 or nonlinear.story_model linear is required"
+            )
         if self.nonlinear.integration != "exact":
             NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.run.time_step)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.analysis.clean_motion import clean_motion
-from bmd_rths_core.analysis.metrics import references_of
+from bmd_rths_core.analysis.true_building import simulated_references_of
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.motion import GroundMotion
@@ -58,7 +58,8 @@ def captured(change: FloatArray, true_change: FloatArray) -> float:
 
 def is_cheap(config: Config) -> bool:
     """Tell whether capture follows from the matrices of the loop, in a fraction of the time of a run."""
-    return config.nonlinear.integration == "exact" and has_matrices(config)
+    exact = config.nonlinear.integration == "exact" and not config.simulated_table.damaged
+    return exact and has_matrices(config)
 
 
 def captures(config: Config, grounds: Sequence[FloatArray]) -> list[Capture]:
@@ -95,7 +96,7 @@ def captures(config: Config, grounds: Sequence[FloatArray]) -> list[Capture]:
     run = _by_matrices if is_cheap(config) else _by_stages
     runs, references = (
         (run(before, grounds), run(after, grounds)),
-        (_references(before, grounds), _references(after, grounds)),
+        (simulated_references_of(grounds, before), simulated_references_of(grounds, after)),
     )
     found = []
     lower = len(config.numerical_substructure.masses)
@@ -147,10 +148,6 @@ def _without_limits(config: Config) -> SafetyConfig:
         tracking_action="ignore",
         stability_action="ignore",
     )
-
-
-def _references(config: Config, grounds: Sequence[FloatArray]) -> list[FloatArray]:
-    return references_of(grounds, config, config.simulated_table.specimen(config.specimen.building()))
 
 
 def _by_matrices(config: Config, grounds: Sequence[FloatArray]) -> list[_Response | None]:

@@ -71,6 +71,48 @@ def reference_responses(
     return [response[:, :length].T for response, length in zip(responses, lengths, strict=True)]
 
 
+def softened_reference_response(
+    before: ShearBuilding, after: ShearBuilding, step: int, ground_acceleration: FloatArray, time_step: float
+) -> FloatArray:
+    """Return the absolute floor accelerations of a building that becomes another one during the earthquake.
+
+    Parameters
+    ----------
+    before, after : ShearBuilding
+        The whole building, n floors of the same masses.
+    step : int
+        Step at which it changes; what is returned of this step is still that of `before`.
+    ground_acceleration : ndarray, shape (N,)
+        a_g [m/s²], linear between the steps.
+    time_step : float
+        Δt [s].
+
+    Returns
+    -------
+    ndarray, shape (N, n)
+        As `reference_response` has it.
+    """
+    a, b, c = before.relative_motion()
+    phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step)
+    of_state = np.vstack((np.eye(len(a)), c))
+    system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, of_state, of_state @ gamma_1)
+    first = ground_acceleration[: step + 1, None]
+    simulation = LinearSimulation(system, -gamma_1 * ground_acceleration[:1])
+    intact = np.concatenate(
+        [simulation.advance(first[begin : begin + _CHUNK])[0] for begin in range(0, len(first), _CHUNK)], axis=1
+    )
+    motion, response = intact[: len(a), -1:], intact[len(a) :].T
+    a, b, c = after.relative_motion()
+    phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step)
+    system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, c, c @ gamma_1)
+    left = ground_acceleration[step + 1 :, None]
+    if not len(left):
+        return response
+    simulation = LinearSimulation(system, phi @ motion + gamma_0 * ground_acceleration[step])
+    parts = [simulation.advance(left[begin : begin + _CHUNK])[0] for begin in range(0, len(left), _CHUNK)]
+    return np.vstack((response, np.concatenate(parts, axis=1).T))
+
+
 def nonlinear_reference_response(
     building: NonlinearBuilding, ground_acceleration: FloatArray, time_step: float, substeps: int = 10
 ) -> FloatArray:

@@ -67,7 +67,8 @@ def is_linear(config: Config) -> bool:
     config : Config
         The whole configuration.
     """
-    exact = config.nonlinear.integration == "exact" and config.simulated_table.acceleration_resolution == 0.0
+    table = config.simulated_table
+    exact = config.nonlinear.integration == "exact" and table.acceleration_resolution == 0.0 and not table.damaged
     return exact and has_matrices(config)
 
 

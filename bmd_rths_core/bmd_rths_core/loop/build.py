@@ -189,8 +189,14 @@ def make_virtual_controller(config: Config, faults: Faults) -> VirtualController
     Raises
     ------
     InputError
-        The table would not be stable.
+        The table would not be stable, or the specimen softens or yields, which the virtual controller has no time of
+        the test for.
     """
+    if config.simulated_table.damaged:
+        raise InputError(
+            "simulated_table.softening_factor, simulated_table.yield_drifts: not available on a virtual controller; "
+            "table.controller simulated is required"
+        )
     specimen, seed = config.specimen.building(), config.run.seed
     if config.virtual_controller.model == "servo_hydraulic":
         refuse_unstable(config.servo_hydraulic, config.simulated_table.specimen(specimen))

@@ -168,13 +168,15 @@ class NonlinearBuilding:
         """Return the stories as one restoring force."""
         return StorySprings(self.springs, self.geometric_stiffnesses)
 
-    def below(self, upper: ShearBuilding) -> NonlinearBuilding:
-        """Return the building that has a linear one standing on its roof.
+    def below(self, upper: ShearBuilding, springs: tuple[StorySpring, ...] | None = None) -> NonlinearBuilding:
+        """Return the building that has another one standing on its roof.
 
         Parameters
         ----------
         upper : ShearBuilding
             The upper part, for example the experimental substructure.
+        springs : tuple of StorySpring, optional
+            Its stories, with the stiffness of `upper` as their highest; linear by default.
 
         Returns
         -------
@@ -195,7 +197,7 @@ class NonlinearBuilding:
             stacked(self.damping_matrix, upper.damping_coefficients),
             stacked(self.initial_stiffness_matrix, upper.stiffnesses),
             stacked(self.highest_stiffness_matrix, upper.stiffnesses),
-            self.springs + tuple(LinearSpring(stiffness) for stiffness in upper.stiffnesses),
+            self.springs + (springs or tuple(LinearSpring(stiffness) for stiffness in upper.stiffnesses)),
             self.geometric_stiffnesses + (0.0,) * upper.stories,
         )
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,17 @@ from bmd_rths_core.physical_bounds import (
     ADDED_MASS,
     COEFFICIENT,
     DISPLACEMENT_NOISE,
+    DRIFT,
     FORCE_NOISE,
     NOISE,
     POLE,
     POLE_DAMPING,
 )
 from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.story_springs import BilinearSpring
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
+from bmd_rths_core.table.models.damage import YieldingPlant
 from bmd_rths_core.table.models.dynamics import series, servo_sections
 from bmd_rths_core.table.models.model_table import ModelTable
 from bmd_rths_core.table.models.plant import Plant, commanded_through, driven_plant, interacting_plant
@@ -139,6 +143,32 @@ class SimulatedTableConfig:
         lower=0.0,
         upper=0.9,
     )
+    softening_factor: float = parameter(
+        1.0,
+        description="Stiffness of every story of the simulated specimen after softening_time over that before; 1 for "
+        "a specimen that stays as it is",
+        unit="1",
+        lower=0.1,
+        upper=10.0,
+    )
+    softening_time: float = parameter(
+        0.0, description="Time of the test at which the simulated specimen softens", unit="s", lower=0.0, upper=1e5
+    )
+    yield_drifts: tuple[float, ...] = parameter(
+        (),
+        description="Drift at first yield of every story of the simulated specimen, from the table up; none for "
+        "stories that do not yield",
+        unit="m",
+        **DRIFT,
+    )
+    post_yield_ratio: float = parameter(
+        0.3,
+        description="Stiffness after yield over initial stiffness of the simulated specimen, bilinear",
+        unit="1",
+        source="assumed",
+        lower=0.0,
+        upper=1.0,
+    )
 
     def __post_init__(self) -> None:
         """Check the values and the table model."""
@@ -147,7 +177,55 @@ class SimulatedTableConfig:
             raise InputError("simulated_table.sections: empty; dynamics 'sections' requires at least one row of six")
         if self.dynamics == "interacting_servo" and self.platen_mass == 0.0:
             raise InputError("simulated_table.platen_mass: 0 kg; dynamics 'interacting_servo' requires > 0 kg")
+        if self.yield_drifts and self.softening_factor != 1.0:
+            raise InputError("simulated_table: softening_factor and yield_drifts; only one of them is possible")
         series(self.own_sections)
+
+    @property
+    def damaged(self) -> bool:
+        """The specimen does not stay what it is: it softens or yields, and the table is not one linear system."""
+        return self.softening_factor != 1.0 or bool(self.yield_drifts)
+
+    def softened(self, specimen: ShearBuilding) -> ShearBuilding:
+        """Return a specimen with its stiffness after `softening_time`.
+
+        Parameters
+        ----------
+        specimen : ShearBuilding
+            As it is before.
+        """
+        stiffnesses = tuple(self.softening_factor * stiffness for stiffness in specimen.stiffnesses)
+        return ShearBuilding(specimen.masses, stiffnesses, specimen.damping_coefficients)
+
+    def softening_step(self, time_step: float) -> int:
+        """Return the first step with the softer specimen.
+
+        Parameters
+        ----------
+        time_step : float
+            Δt [s].
+        """
+        return math.ceil(self.softening_time / time_step - 1e-9)
+
+    def springs(self, specimen: ShearBuilding) -> tuple[BilinearSpring, ...]:
+        """Return the stories of a specimen that yields, from the table up.
+
+        Parameters
+        ----------
+        specimen : ShearBuilding
+            With its initial stiffness; whatever its share of the true one is, it yields at the same drifts.
+
+        Raises
+        ------
+        InputError
+            There is not one yield drift a story.
+        """
+        if len(self.yield_drifts) != specimen.stories:
+            raise InputError(
+                f"simulated_table.yield_drifts: {len(self.yield_drifts)} entries; the specimen has {specimen.stories}"
+            )
+        pairs = zip(specimen.stiffnesses, self.yield_drifts, strict=True)
+        return tuple(BilinearSpring(stiffness, drift, self.post_yield_ratio) for stiffness, drift in pairs)
 
     def sensors(self, floors: int, seed: int) -> Sensors:
         """Return the simulated sensors.
@@ -223,8 +301,18 @@ class SimulatedTableConfig:
         return self.servo_real_pole, self.servo_frequency, self.servo_damping_ratio
 
 
+class _Held(NamedTuple):
+    """x[k+1] = Φ x[k] + newer u₁ + older u₀; the sensors see output x[k+1] + feedthrough u₁."""
+
+    phi: FloatArray
+    newer: FloatArray
+    older: FloatArray
+    output: FloatArray
+    feedthrough: FloatArray
+
+
 class SimulatedTable(ModelTable):
-    """A table controller whose table and specimen are a linear model.
+    """A table controller whose table and specimen are a linear model, unless its specimen softens or yields.
 
     The command is held over the step, delayed by any fraction of it, and the whole chain (table, specimen, table
     displacement) is advanced by one exact discretisation. The sensors are read at the end of the hold.
@@ -244,21 +332,33 @@ class SimulatedTable(ModelTable):
     def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
         self._masses = np.asarray(specimen.masses)
         self._platen_mass = config.platen_mass
-        a, b, self._output, self._feedthrough = config.plant(config.specimen(specimen))
-        whole, fraction = divmod(config.command_delay / time_step, 1.0)
-        # With a fractional delay the older command acts for the first part of the step and the newer for the rest.
-        self._phi, newer = zero_order_hold(a, b, (1.0 - fraction) * time_step)
+        whole, self._fraction = divmod(config.command_delay / time_step, 1.0)
+        self._delay_steps, self._time_step = int(whole), time_step
+        real = config.specimen(specimen)
+        self._intact = self._held(config.plant(real))
+        self._damaged, self._damaged_from = self._intact, math.inf
+        if config.softening_factor != 1.0:
+            self._damaged = self._held(config.plant(config.softened(real)))
+            self._damaged_from = config.softening_step(time_step)
+        self._yielding: YieldingPlant | None = None
+        if config.yield_drifts:
+            self._yielding = YieldingPlant(config.plant, real, config.springs(real), time_step, self._fraction)
+        super().__init__(config.sensors(specimen.stories, seed))
+
+    def _held(self, plant: Plant) -> _Held:
+        """Discretise: with a fractional delay the older command acts first and the newer for the rest of the step."""
+        a, b, output, feedthrough = plant
+        fraction, time_step = self._fraction, self._time_step
+        phi, newer = zero_order_hold(a, b, (1.0 - fraction) * time_step)
         older = np.zeros_like(newer)
         if fraction > 0.0:
             first_phi, first_gamma = zero_order_hold(a, b, fraction * time_step)
-            older = self._phi @ first_gamma
-            self._phi = self._phi @ first_phi
-        self._newer, self._older = newer[:, 0], older[:, 0]
-        self._delay_steps = int(whole)
-        super().__init__(config.sensors(specimen.stories, seed))
+            older = phi @ first_gamma
+            phi = phi @ first_phi
+        return _Held(phi, newer[:, 0], older[:, 0], output, feedthrough)
 
     def state_space(self, displacement: bool = False) -> DiscreteStateSpace:
-        """Return table and specimen as a linear system, without noise and quantisation.
+        """Return table and intact specimen as a linear system, without noise and quantisation.
 
         Parameters
         ----------
@@ -272,14 +372,15 @@ class SimulatedTable(ModelTable):
             the displacement that [m] and the actuator force [N]. The state is that of the model and the past commands,
             the newest first.
         """
-        size, past = len(self._phi) - (0 if displacement else 2), self._delay_steps + 1
+        phi, held_newer, held_older, output, feedthrough = self._intact
+        size, past = len(phi) - (0 if displacement else 2), self._delay_steps + 1
         # Commands that act in the second and in the first part of this step, of the past ones and the present one.
         commands = np.eye(past + 1)
         newer, older = commands[self._delay_steps], commands[past]
-        of_commands = np.outer(self._newer[:size], newer) + np.outer(self._older[:size], older)
+        of_commands = np.outer(held_newer[:size], newer) + np.outer(held_older[:size], older)
         a = np.zeros((size + past, size + past))
         b = np.zeros((size + past, 1))
-        a[:size, :size] = self._phi[:size, :size]
+        a[:size, :size] = phi[:size, :size]
         b[:size], a[:size, size:] = of_commands[:, :1], of_commands[:, 1:]
         b[size:], a[size:, size:] = commands[:past, :1], commands[:past, 1:]
         # What the sensors see of table, floors and displacement.
@@ -288,8 +389,8 @@ class SimulatedTable(ModelTable):
             force = [self._platen_mass, *self._masses, 0.0]
             sensors = np.vstack((sensors, np.eye(1, len(force), len(force) - 1), force))
         # The sensors are read at the end of the step, when the state is the next one.
-        of_state = sensors @ self._output[:, :size]
-        of_command = np.outer(sensors @ self._feedthrough, newer)
+        of_state = sensors @ output[:, :size]
+        of_command = np.outer(sensors @ feedthrough, newer)
         return DiscreteStateSpace(
             a=a,
             b=b,
@@ -298,14 +399,21 @@ class SimulatedTable(ModelTable):
         )
 
     def _rest(self) -> None:
-        self._state = np.zeros(len(self._phi))
+        self._state = np.zeros(len(self._intact.phi))
         self._line = deque([0.0] * (self._delay_steps + 2), maxlen=self._delay_steps + 2)
+        if self._yielding is not None:
+            self._yielding.reset()
 
     def _advance(self, command: TableCommand) -> TableMeasurement:
         line = self._line
         line.append(command.acceleration)
-        self._state = self._phi @ self._state + self._newer * line[1] + self._older * line[0]
-        truth = self._output @ self._state + self._feedthrough * line[1]
+        if self._yielding is None:
+            held = self._damaged if command.step >= self._damaged_from else self._intact
+            self._state = held.phi @ self._state + held.newer * line[1] + held.older * line[0]
+            truth = held.output @ self._state + held.feedthrough * line[1]
+        else:
+            truth = self._yielding.step(line[0], line[1])
+            self._state = self._yielding.state
         table, floors, displacement = truth[0], truth[1:-1], truth[-1]
         shear = -float(self._masses @ floors)
         force = float(self._platen_mass * table - shear)
