@@ -17,6 +17,6 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["numpy", "scipy", "filterpy", "PyYAML"],
-    extras_require={"plots": ["matplotlib"], "obspy": ["obspy"], "xlsx": ["openpyxl"]},
+    extras_require={"export": ["h5py", "pyarrow"], "plots": ["matplotlib"], "obspy": ["obspy"], "xlsx": ["openpyxl"]},
     zip_safe=False,
 )

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bmd_rths_core.config import Config
@@ -811,7 +811,12 @@ def test_stop_that_is_asked_for_by_the_reader_of_a_measurement():
     assert_at_rest(world)
 
 
+#: Delays that one correction after the other repeats.
+SAME_AGAIN = (6 * [0.0]) + [1.95e-3, 1.95e-3, 2.8e-3, 3e-3, 2.7e-3, 0.0, 2.6e-3, 1.6e-3, 1.3e-3, 1.2e-3, 1.6e-3]
+
+
 @settings(max_examples=8, deadline=None)
+@example(jitter=[*SAME_AGAIN, 3e-4, 5e-4, 4e-4])
 @given(jitter=st.lists(st.floats(0.0, 0.003), min_size=20, max_size=20))
 def test_corrections_end_whatever_the_jitter(jitter):
     """Commands of the way to rest that never come on time leave little, and after a few corrections it is enough."""

@@ -18,8 +18,9 @@ SETTLED_VELOCITY = 2e-5
 SETTLED_DISPLACEMENT = 2e-5
 
 #: What commands that were not held for just Δt leave at the end is taken away by further ways to rest, gentle ones so
-#: that they leave less. So many are tried; each leaves about a hundredth of what it takes away.
-MOST_CORRECTIONS = 5
+#: that they leave less. So many are tried; each leaves about a hundredth of what it takes away, and up to all of it
+#: where the commands come up to half a step late, again and again in the same order.
+MOST_CORRECTIONS = 20
 _GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
 
 #: `stop_commands` or `ramp_commands`.
