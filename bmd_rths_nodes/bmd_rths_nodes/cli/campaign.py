@@ -194,8 +194,10 @@ def run_study(
 def require_matplotlib() -> None:
     """Refuse to begin what ends with plots where they cannot be drawn."""
     try:
-        import matplotlib  # noqa: F401
+        import bmd_rths_core.plots.study  # noqa: F401
     except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "matplotlib":
+            raise
         raise InputError("matplotlib: not installed; --plots requires it (pip install matplotlib)") from error
 
 
