@@ -54,6 +54,16 @@ class BenchmarkCriteria:
         )
         return {f"J{i}": value for i, value in enumerate(values, 1)}
 
+    def told(self, stable: bool) -> dict[str, float | None]:
+        """Return the criteria by symbol; of a run that a limit ended the delay J₁ alone means anything.
+
+        Parameters
+        ----------
+        stable : bool
+            False for a run that a limit ended.
+        """
+        return {symbol: value if stable or symbol == "J1" else None for symbol, value in self.by_symbol().items()}
+
 
 def peak_error_percent(reference: FloatArray, response: FloatArray) -> float:
     """Return the largest error over the largest reference, max |a − r| / max |r| · 100 [%].

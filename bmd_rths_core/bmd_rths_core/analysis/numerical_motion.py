@@ -94,6 +94,19 @@ def numerical_motion(record: RunRecord, config: Config) -> NumericalMotion:
     )
 
 
+def peak_drifts(record: RunRecord, config: Config) -> tuple[float, ...]:
+    """Return the largest drift of every story of the numerical substructure, from the ground up [m].
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+    config : Config
+        Its configuration.
+    """
+    return tuple(peak(drift) for drift in numerical_motion(record, config).drifts.T)
+
+
 def ductility(motion: NumericalMotion, config: Config) -> tuple[float, ...]:
     """Return the ductility of every story, peak drift over yield drift.
 

@@ -62,8 +62,7 @@ class RunAnalysis:
     @property
     def told_criteria(self) -> dict[str, float | None]:
         """The criteria by ``J1``, ``J2`` and so on; of a run that a limit ended the delay J1 alone means anything."""
-        known = self.criteria.by_symbol()
-        return {symbol: value if self.record.stable or symbol == "J1" else None for symbol, value in known.items()}
+        return self.criteria.told(self.record.stable)
 
     @property
     def lower(self) -> int:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.numerical_motion import peak_drifts
 from bmd_rths_core.campaign.limits import BOUNDED, LimitBounds, SignalChunk
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
@@ -52,11 +53,14 @@ class CampaignRun(NamedTuple):
         run that a limit ends.
     spectral_radius : float
         Of the linear loop; NaN where there is none.
+    peak_drifts : tuple of float
+        Largest drift of every numerical story, from the ground up [m].
     """
 
     record: RunRecord
     engine: str
     spectral_radius: float = float("nan")
+    peak_drifts: tuple[float, ...] = ()
 
 
 def is_linear(config: Config) -> bool:
@@ -95,7 +99,7 @@ def run_motions(config: Config, motions: Sequence[SelectedMotion]) -> list[Campa
     return [
         _by_stages(config, selected, radius)
         if i in touched
-        else CampaignRun(group.record(i, _under(config, selected)), "linear", radius)
+        else CampaignRun(group.record(i, _under(config, selected)), "linear", radius, group.peak_drifts(i))
         for i, selected in enumerate(motions)
     ]
 
@@ -110,6 +114,7 @@ class _LinearGroup:
         self._floors = slice(self._rows["floor_1"], self._rows["base_shear"])
         self._displacements = slice(self._rows["displacement_1"], None)
         self._outputs = [np.empty((len(self._rows), motion.steps)) for motion in motions]
+        self._drifts = np.zeros((len(motions), len(config.numerical_substructure.masses)))
 
     def run(self) -> set[int]:
         """Advance all runs to their ends, and return those that touch a bound of a limit: they are given up there."""
@@ -128,6 +133,8 @@ class _LinearGroup:
             for i, output in zip(active, outputs, strict=True):
                 kept = self._outputs[i][:, begin : begin + length]
                 kept[:] = output[:, : kept.shape[1]]
+                drifts = np.abs(np.diff(kept[self._displacements], axis=0, prepend=0.0))
+                self._drifts[i] = np.maximum(self._drifts[i], drifts.max(axis=1, initial=0.0))
             near = bounds.touched(self._chunk(np.minimum(steps[active] - begin, length), outputs))
             touched.update(active[near].tolist())
             begin += length
@@ -154,6 +161,10 @@ class _LinearGroup:
             **provenance(config.as_mapping(), motion),
         )
 
+    def peak_drifts(self, i: int) -> tuple[float, ...]:
+        """Return the largest drift of every numerical story of a run [m]."""
+        return tuple(self._drifts[i].tolist())
+
     def _first(self) -> FloatArray:
         """Return the ground accelerations that the state before step 0 depends on, a column a run."""
         return self._known(np.arange(len(self._motions)), 0, self._loop.start.shape[1])
@@ -179,4 +190,5 @@ def _under(config: Config, selected: SelectedMotion) -> Config:
 
 
 def _by_stages(config: Config, selected: SelectedMotion, radius: float = float("nan")) -> CampaignRun:
-    return CampaignRun(RthsLoop(_under(config, selected), selected.motion).run(), "stages", radius)
+    record = RthsLoop(_under(config, selected), selected.motion).run()
+    return CampaignRun(record, "stages", radius, peak_drifts(record, config))

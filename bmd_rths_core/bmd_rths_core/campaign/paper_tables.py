@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
+from bmd_rths_core.config import Config
 
 #: Errors of the paper by earthquake and scheme [%]; None where the test was unstable.
 PaperTable = Mapping[str, Mapping[str, float | None]]
@@ -59,6 +60,9 @@ PAPER_TABLES: Mapping[str, PaperTable] = {"substructure": TABLE_2, "superstructu
 
 EVENTS = tuple(TABLE_2)
 
+#: Sections that make the system of the tables: another building, or another share of its shear, is another one.
+_OF_THE_SYSTEM = ("numerical_substructure", "nonlinear", "specimen")
+
 #: What else than its letters in the name of a folder or file stands for an event: the abbreviations of PEER.
 _ABBREVIATIONS = {
     "CAPEMEND": "Cape Mendocino",
@@ -96,6 +100,26 @@ def event_of(path: str) -> str | None:
             if key in letters:
                 return event
     return None
+
+
+def is_paper_system(config: Config) -> bool:
+    """Tell whether a configuration is the simplified BMD, which the tests of the paper's tables are of.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration; table, scheme and limits do not matter.
+    """
+    paper = Config()
+    same = all(getattr(config, section) == getattr(paper, section) for section in _OF_THE_SYSTEM)
+    return same and config.force_correction.feedback_scale == 1.0
+
+
+def changes_the_system(parameters: Iterable[str]) -> bool:
+    """Tell whether one of some parameters, ``section.key``, makes another system of the one of the tables."""
+    return any(
+        name.partition(".")[0] in _OF_THE_SYSTEM or name == "force_correction.feedback_scale" for name in parameters
+    )
 
 
 def paper_mean(table: PaperTable, scheme: str) -> float:

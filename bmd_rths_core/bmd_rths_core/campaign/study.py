@@ -11,10 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from bmd_rths_core.analysis.benchmark_criteria import BenchmarkCriteria, benchmark_criteria
 from bmd_rths_core.analysis.capture import UNKNOWN, captures
 from bmd_rths_core.analysis.metrics import RunMetrics, compare, references_of
 from bmd_rths_core.analysis.quality import RunQuality, run_quality, told_quality
-from bmd_rths_core.analysis.table_peaks import peak
+from bmd_rths_core.analysis.table_peaks import peak, table_peaks
 from bmd_rths_core.analysis.true_building import true_references_of
 from bmd_rths_core.campaign.engine import CampaignRun, SelectedMotion, run_motions
 from bmd_rths_core.campaign.motions import CampaignMotion
@@ -138,7 +139,7 @@ class Study:
             if name in _RESERVED:
                 raise InputError(f"--vary {name}: is varied by {_RESERVED[name]}")
             for value in values:
-                _varied(self.config, {name: value})
+                varied(self.config, {name: value})
 
     @property
     def size(self) -> int:
@@ -158,7 +159,7 @@ class Study:
         """
         for values in itertools.product(*self.vary.values()):
             variation = dict(zip(self.vary, values, strict=True))
-            config = _varied(self.config, variation)
+            config = varied(self.config, variation)
             hashes = {
                 scheme: _configuration_hash(with_scheme(config, scheme), self.engine, self.capture)
                 for scheme in self.schemes
@@ -208,11 +209,17 @@ def run_piece(piece: Piece) -> Iterator[FinishedRun]:
             steps = run.record.steps
             metrics = compare(run.record, references[plan.motion][:steps], lower)
             quality = run_quality(run.record, chosen, true_references[plan.motion][:steps], share)
-            yield FinishedRun(result_of_run(plan, piece, run, metrics, quality), run)
+            criteria = benchmark_criteria(run.record, references[plan.motion][:steps], lower)
+            yield FinishedRun(result_of_run(plan, piece, run, metrics, quality, criteria), run)
 
 
 def result_of_run(
-    plan: PlannedRun, piece: Piece, run: CampaignRun, metrics: RunMetrics, quality: RunQuality
+    plan: PlannedRun,
+    piece: Piece,
+    run: CampaignRun,
+    metrics: RunMetrics,
+    quality: RunQuality,
+    criteria: BenchmarkCriteria,
 ) -> dict[str, Any]:
     """Return what is told about a run, as plain values.
 
@@ -228,13 +235,15 @@ def result_of_run(
         Errors of Eq. 12, against the nominal building.
     quality : RunQuality
         What it is judged by.
+    criteria : BenchmarkCriteria
+        Those of the vRTHS benchmark.
 
     Returns
     -------
     dict
         Errors of an unstable run are None, and so is what cannot be computed.
     """
-    record, motion = run.record, piece.motions[plan.motion]
+    record, motion, peaks = run.record, piece.motions[plan.motion], table_peaks(run.record)
     return {
         "key": plan.key,
         "motion": record.motion["name"],
@@ -244,15 +253,18 @@ def result_of_run(
         "scheme": plan.scheme,
         "variation": dict(piece.variation),
         "stable": record.stable,
+        "stability": record.stability,
         "outcome": record.outcome,
         "reason": record.reason,
         "steps": record.steps,
         "rmse_percent": {n: _known(v) if record.stable else None for n, v in metrics.rmse_percent.items()},
         "tracking_delay_ms": _known(metrics.tracking_delay_ms),
         **{name: _plain(value) for name, value in told_quality(quality, record.stable).items() if name in _TOLD},
+        "criteria": {symbol: _known(value) for symbol, value in criteria.told(record.stable).items()},
         "spectral_radius": _known(run.spectral_radius),
         "peak_command": _known(peak(record.command)),
-        "peak_displacement": _known(peak(record.table_displacement)),
+        **{f"peak_{name}": _known(value) for name, value in peaks._asdict().items()},
+        "peak_drifts": [_known(value) for value in run.peak_drifts],
         "engine": run.engine,
     }
 
@@ -286,8 +298,8 @@ def with_scheme(config: Config, scheme: str) -> Config:
     return dataclasses.replace(config, run=dataclasses.replace(config.run, scheme=scheme))
 
 
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _known(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _plain(value: Any) -> Any:
@@ -297,7 +309,21 @@ def _plain(value: Any) -> Any:
     return _known(value) if isinstance(value, float) else value
 
 
-def _varied(config: Config, variation: Mapping[str, object]) -> Config:
+def varied(config: Config, variation: Mapping[str, object]) -> Config:
+    """Return a configuration with other values of some parameters.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    variation : Mapping of str to object
+        Values by ``section.key``.
+
+    Raises
+    ------
+    InputError
+        A parameter is unknown, or a value is not allowed.
+    """
     try:
         return config.changed(**{name.replace(".", "__", 1): value for name, value in variation.items()})
     except InputError as error:

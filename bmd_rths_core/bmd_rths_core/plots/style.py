@@ -28,6 +28,17 @@ LINES: tuple[dict[str, Any], ...] = (
 )
 MARKERS = ("s", "o", "^")
 
+#: Curves with points, as many as there may be schemes: told apart by marker and dashes where there is no colour.
+CURVES: tuple[dict[str, Any], ...] = (
+    {"color": BLACK, "marker": "s", "linestyle": "-"},
+    {"color": VERMILION, "marker": "o", "linestyle": (0, (5, 2))},
+    {"color": BLUE, "marker": "^", "linestyle": (0, (5, 1.5, 1, 1.5))},
+    {"color": GREEN, "marker": "D", "linestyle": (0, (1, 1))},
+    {"color": ORANGE, "marker": "v", "linestyle": (0, (8, 2))},
+    {"color": "#CC79A7", "marker": "P", "linestyle": "-"},
+    {"color": "#56B4E9", "marker": "X", "linestyle": (0, (3, 1))},
+)
+
 _STYLE = {
     **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize", "figure.titlesize", "legend.fontsize"), 8.0),
     **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 8.0),
@@ -39,6 +50,8 @@ _STYLE = {
     "legend.handlelength": 3.0,
     "text.parse_math": False,  # a $ in the name of a file is a $
     "svg.fonttype": "none",  # text stays text
+    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3
+    "ps.fonttype": 42,
     "svg.hashsalt": "bmd_rths",  # the same figure is the same file
 }
 
@@ -76,6 +89,10 @@ def legend_below(figure: Figure, axes: Axes, columns: int, between: float = 0.02
     figure.set_layout_engine("constrained", rect=(0.0, top, 1.0, 1.0 - top), wspace=between)
 
 
+#: What keeps the time out of a file, so that the same figure is the same file.
+_UNDATED: dict[str, dict[str, None]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+
+
 def write(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
     """Write a figure into files.
 
@@ -93,7 +110,7 @@ def write(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
     list of Path
         The files.
     """
-    paths = [stem.with_suffix(f".{name}") for name in formats]
+    paths = [stem.with_name(f"{stem.name}.{name}") for name in formats]  # the stem may have a dot
     for path in paths:
-        figure.savefig(path, dpi=RESOLUTION, metadata={"Date": None} if path.suffix == ".svg" else {})
+        figure.savefig(path, dpi=RESOLUTION, metadata=_UNDATED.get(path.suffix, {}))
     return paths

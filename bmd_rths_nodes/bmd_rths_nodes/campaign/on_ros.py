@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bmd_rths_core.analysis.numerical_motion import peak_drifts
 from bmd_rths_core.analysis.run_analysis import RunAnalysis, analysed
 from bmd_rths_core.campaign.engine import CampaignRun
 from bmd_rths_core.campaign.study import Piece, PlannedRun, key_of_run, result_of_run
@@ -155,7 +156,9 @@ class RosRunner:
         except InputError:
             shutil.rmtree(bag, ignore_errors=True)
             analysis = self._recorded(test, bag, monitor)
-        return result_of_run(plan, piece, CampaignRun(analysis.record, ENGINE), analysis.metrics, analysis.quality)
+        record = analysis.record
+        run = CampaignRun(record, ENGINE, peak_drifts=peak_drifts(record, analysis.config))
+        return result_of_run(plan, piece, run, analysis.metrics, analysis.quality, analysis.criteria)
 
     def _recorded(self, test: _Test, bag: Path, monitor: RunMonitor) -> RunAnalysis:
         """Run a test; its bag gets its name when it is complete."""

@@ -27,12 +27,15 @@ _SEVERAL = {
 }
 _NUMBERS = (
     *("tracking_delay_ms", "tracking_error_percent", "delay_ms"),
-    *("spectral_radius", "peak_command", "peak_displacement"),
+    *("spectral_radius", "peak_command", "peak_displacement", "peak_velocity", "peak_acceleration", "peak_force"),
 )
+#: Results that are written as JSON, because how many numbers they have differs from test to test.
+_JSON = {"variation": dict, "criteria": dict, "peak_drifts": list}
 _COLUMNS = (
-    *("key", "motion", "event", "file", "component", "scheme", "variation", "stable", "outcome", "reason", "steps"),
+    *("key", "motion", "event", "file", "component", "scheme", "variation"),
+    *("stable", "stability", "outcome", "reason", "steps"),
     *(column for columns in _SEVERAL.values() for column in columns.values()),
-    *(*_NUMBERS, "verdict", "engine"),
+    *(*_NUMBERS, "criteria", "peak_drifts", "verdict", "engine"),
 )
 _HEADER = (",".join(_COLUMNS) + "\n").encode()
 
@@ -148,7 +151,7 @@ class CampaignResults:
 
 def _line(result: Mapping[str, Any]) -> bytes:
     several = {column: result[of][name] for of, columns in _SEVERAL.items() for name, column in columns.items()}
-    row = {**result, **several, "variation": json.dumps(result["variation"])}
+    row = {**result, **several, **{name: json.dumps(result[name]) for name in _JSON}}
     text = io.StringIO()
     # A missing value is an empty cell; the shortest text that reads back as the same number is that of repr.
     cells = ("" if row[name] is None else row[name] for name in _COLUMNS)
@@ -174,12 +177,13 @@ def _result(row: Mapping[str, str]) -> dict[str, Any]:
         **{name: row[name] for name in ("key", "motion")},
         "event": row["event"] or None,
         **{name: row[name] for name in ("file", "component", "scheme")},
-        "variation": json.loads(row["variation"]),
+        "variation": _json(row, "variation"),
         "stable": row["stable"] == "True",
-        **{name: row[name] for name in ("outcome", "reason")},
+        **{name: row[name] for name in ("stability", "outcome", "reason")},
         "steps": int(row["steps"]),
         **{of: {name: _number(row[column]) for name, column in columns.items()} for of, columns in _SEVERAL.items()},
         **{name: _number(row[name]) for name in _NUMBERS},
+        **{name: _json(row, name) for name in ("criteria", "peak_drifts")},
         "verdict": row["verdict"],
         "engine": row["engine"],
     }
@@ -187,3 +191,10 @@ def _result(row: Mapping[str, str]) -> dict[str, Any]:
 
 def _number(text: str) -> float | None:
     return float(text) if text else None
+
+
+def _json(row: Mapping[str, str], name: str) -> Any:
+    value = json.loads(row[name])
+    if not isinstance(value, _JSON[name]):
+        raise ValueError(f"{name}: {row[name]!r} is no {_JSON[name].__name__}")
+    return value

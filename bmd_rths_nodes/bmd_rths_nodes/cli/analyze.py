@@ -10,12 +10,13 @@ import click
 from rich.progress import BarColumn, TextColumn
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.cli.error_tables import result_with_event, show_error_tables
+from bmd_rths_nodes.cli.error_tables import result_with_event, show_bags, show_error_tables
 from bmd_rths_nodes.cli.options import capture_option, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 
 if TYPE_CHECKING:
     from bmd_rths_core.analysis.run_analysis import RunAnalysis
+    from bmd_rths_core.config import Config
 
 
 @click.command(epilog="Example: bmd-rths analyze bags/el_centro_1940_ns_plc_fc_20260801_101500 --report report.html")
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 def analyze(bags: tuple[str, ...], report: Path | None, capture: bool | None, as_json: bool) -> int:
     """Compute the errors of recorded tests against the reference, from their bags alone.
 
-    Of one bag everything is told; of several, Tables 2 and 3 of the paper beside the paper's numbers. The report of
-    several bags compares them.
+    Of one bag everything is told; of several, which is which, in what they differ and their errors, beside Tables 2 and
+    3 of the paper where they are tests of its system. The report of several bags compares them.
     """
     if report is not None:
         # Imported here: it takes as long as everything else for a result without a report.
@@ -40,12 +41,14 @@ def analyze(bags: tuple[str, ...], report: Path | None, capture: bool | None, as
 
         check_report_file(report)
     results: list[dict[str, Any]] = []
+    configs: list[Config] = []
     analyses: list[RunAnalysis] = []
     with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
         task = progress.add_task("reading", total=len(bags) + (report is not None))
         for bag in bags:
             analysis = _analysed(bag, capture)
-            results.append(_result(analysis, bag))
+            results.append({**result_of(analysis), "bag": bag, "file": analysis.record.motion["source"]})
+            configs.append(analysis.config)
             if report is not None:  # otherwise many bags need no memory
                 analyses.append(analysis)
             progress.advance(task)
@@ -56,17 +59,24 @@ def analyze(bags: tuple[str, ...], report: Path | None, capture: bool | None, as
         log(f"report: {report}")
     if len(results) == 1:
         (result,) = results
-        show({name: value for name, value in result.items() if name not in _OF_MANY}, as_json)
-    elif as_json:
+        del result["file"]
+        show(result, as_json)
+        return 0
+    from bmd_rths_core.analysis.differences import differences, of_the_result
+    from bmd_rths_core.campaign.paper_tables import is_paper_system
+
+    differing = differences([config.as_mapping() for config in configs])
+    results = [
+        {**result_with_event(result, result["file"], of_the_result(differs)), "differs": differs}
+        for result, differs in zip(results, differing, strict=True)
+    ]
+    if as_json:
         click.echo(json.dumps({"runs": results}))
     else:
         assumed = dict.fromkeys(result["assumptions"] for result in results if result["assumptions"])
-        show_error_tables(results, varied=False, assumed=assumed)
+        show_bags(results)
+        show_error_tables(results, all(is_paper_system(config) for config in configs), assumed)
     return 0
-
-
-#: Keys of a result that are printed only when several bags are compared.
-_OF_MANY = ("event", "file", "variation")
 
 
 def _analysed(bag: str, capture: bool | None) -> RunAnalysis:
@@ -80,7 +90,3 @@ def _analysed(bag: str, capture: bool | None) -> RunAnalysis:
         return analysed(record, capture)
     except InputError as error:
         raise InputError(f"{bag}: configuration: {error}") from error
-
-
-def _result(analysis: RunAnalysis, bag: str) -> dict[str, Any]:
-    return result_with_event({**result_of(analysis), "bag": bag}, analysis.record.motion["source"])

@@ -78,6 +78,12 @@ _WORTH_A_PROCESS = 64
     is_flag=True,
     help="Compute the capture of every run too, by two more runs each; part of what a run is.",
 )
+@click.option("--margins", "with_margins", is_flag=True, help="Compute the stability margin of every loop too.")
+@click.option(
+    "--plots",
+    is_flag=True,
+    help="Draw the study into the folder plots in --output: error over each varied parameter, box plots, maps of two.",
+)
 @click.option("--bags", "with_bags", is_flag=True, help="Write a bag of every run into the folder bags in --output.")
 @json_option
 def campaign(
@@ -90,16 +96,21 @@ def campaign(
     on_ros: bool,
     output: Path,
     capture: bool,
+    with_margins: bool,
+    plots: bool,
     with_bags: bool,
     as_json: bool,
 ) -> int:
-    """Run every ground motion with every scheme and variation, and print Tables 2 and 3 beside the paper's numbers.
+    """Run every ground motion with every scheme and variation, and print the errors, beside those of the paper.
 
     The runs are those of `bmd-rths simulate`; with --ros those of `bmd-rths run --lockstep --composed` without its
     pre-flight, one after the other. Without CONFIG it is the installed simplified_bmd. Results go to campaign.csv in
     --output as they come (and to campaign.parquet at the end, if pyarrow is installed): the same command goes on where
-    a study was stopped. An unstable run is a result; the exit status is 0.
+    a study was stopped. At the end study.csv has the runs of this command, with a column for each varied parameter. An
+    unstable run is a result; the exit status is 0.
     """
+    if plots:
+        require_matplotlib()
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs, --scheduler: only one of them is possible")
     if on_ros and (jobs is not None or scheduler is not None):
@@ -110,6 +121,7 @@ def campaign(
 
     from bmd_rths_core.analysis.assumptions import assumptions
     from bmd_rths_core.campaign.motions import read_motions
+    from bmd_rths_core.campaign.paper_tables import changes_the_system, is_paper_system
     from bmd_rths_core.campaign.study import Study
     from bmd_rths_nodes.campaign.pool import CampaignStopped
     from bmd_rths_nodes.campaign.results import CampaignResults
@@ -136,11 +148,17 @@ def campaign(
             log(f"{done} of {len(keys)} runs were in {results.path} already")
         told = (_told(results.read(key), bags) for key in keys)
         parquet = results.write_parquet()
+        study_file = _write_study(config, (results.read(key) for key in keys), with_margins, output)
+        drawn = _draw([results.read(key) for key in keys], vary, output / "plots") if plots else []
         if as_json:
             _print_json(told, found.left_out, assumptions(config))
         else:
-            show_error_tables(told, varied=bool(vary), assumed=(assumptions(config),))
+            paper = is_paper_system(config) and not changes_the_system(vary)
+            show_error_tables(told, paper, assumed=(assumptions(config),))
             click.echo(f"results: {results.path}" + (f" {parquet}" if parquet else ""))
+            click.echo(f"study: {study_file}")
+            for path in drawn:
+                click.echo(f"plot: {path}")
     return 0
 
 
@@ -171,6 +189,41 @@ def run_study(
             results.append(result for result in piece if result["key"] not in results)
             progress.advance(task, len(piece))
     return keys, len(keys) - ran
+
+
+def require_matplotlib() -> None:
+    """Refuse to begin what ends with plots where they cannot be drawn."""
+    try:
+        import bmd_rths_core.plots.study  # noqa: F401
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "matplotlib":
+            raise
+        raise InputError("matplotlib: not installed; --plots requires it (pip install matplotlib)") from error
+
+
+def _write_study(config: Config, results: Iterator[dict[str, Any]], with_margins: bool, output: Path) -> Path:
+    from bmd_rths_core.campaign.margins import margins_of
+    from bmd_rths_nodes.campaign.study_file import tidy_row, write_study
+
+    margins: dict[str, dict[str, float | None]] = {}
+    rows = []
+    for result in results:
+        own: dict[str, float | None] = {}
+        if with_margins:
+            loop = json.dumps([result["scheme"], result["variation"]])
+            if loop not in margins:
+                margins[loop] = margins_of(config, result["scheme"], result["variation"])
+            own = margins[loop]
+        rows.append(tidy_row(result, own))
+    return write_study(rows, output)
+
+
+def _draw(results: Sequence[dict[str, Any]], vary: Mapping[str, Sequence[object]], folder: Path) -> list[Path]:
+    from bmd_rths_core.campaign.study_plots import study_plots
+    from bmd_rths_core.plots.study import write_study_plots
+
+    check_writable(folder)
+    return write_study_plots(study_plots(results, vary), folder)
 
 
 def _usable_cores() -> int:
