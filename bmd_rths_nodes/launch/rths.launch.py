@@ -58,6 +58,12 @@ def generate_launch_description() -> LaunchDescription:
                 description="Configure and activate the nodes; without, the laboratory does, node by node",
             ),
             DeclareLaunchArgument(
+                "exit_when_done",
+                default_value="false",
+                choices=SWITCH,
+                description="End the nodes when the test has ended, the table is at rest and the bag is closed",
+            ),
+            DeclareLaunchArgument(
                 "composed",
                 default_value="false",
                 choices=SWITCH,
@@ -87,7 +93,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
     if given["output"]:
         # A relative folder is one of the person, not of wherever a node runs.
         overrides["recorder.directory"] = ParameterValue(os.path.abspath(given["output"]), value_type=str)
-    switches = {"run.record": record, "autostart": given["autostart"] == "true"}
+    switches = {"run.record": record, **{name: given[name] == "true" for name in ("autostart", "exit_when_done")}}
     if given["lockstep"] == "true":  # without, the file decides
         switches["run.lockstep"] = True
     parameters = [given["config"], {**overrides, **switches}]

@@ -22,6 +22,7 @@ GIVEN = {
     "duration": "",
     "lockstep": "false",
     "autostart": "true",
+    "exit_when_done": "false",
     "composed": "false",
     "sigterm_timeout": "20",
 }
@@ -78,7 +79,7 @@ def test_every_executable_exists(nodes):
 
 def test_without_arguments_the_file_decides(nodes):
     for node in nodes().values():
-        assert node.parameters == ["my.yaml", {"run.record": True, "autostart": True}]
+        assert node.parameters == ["my.yaml", {"run.record": True, "autostart": True, "exit_when_done": False}]
 
 
 def configured(overrides):
@@ -100,8 +101,9 @@ def test_arguments_become_parameters(nodes):
 
 def test_length_folder_and_lockstep_of_a_test(nodes, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    _, overrides = nodes(duration="3", output="bags", lockstep="true", autostart="false")["recorder"].parameters
-    assert overrides["autostart"] is False
+    given = {"duration": "3", "output": "bags", "lockstep": "true", "autostart": "false", "exit_when_done": "true"}
+    _, overrides = nodes(**given)["recorder"].parameters
+    assert (overrides["autostart"], overrides["exit_when_done"]) == (False, True)
     config = configured(overrides)
     assert (config.ground_motion.duration, config.run.lockstep) == (3.0, True)
     assert config.recorder.directory == str(tmp_path / "bags")

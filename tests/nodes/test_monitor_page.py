@@ -11,6 +11,7 @@ from threading import Thread
 
 import numpy as np
 import pytest
+from tornado.httpclient import HTTPClient, HTTPRequest
 
 from bmd_rths_msgs_py.bag_reader import read_bag
 from tests.nodes.browser import CHROMIUM, MISSING, chromium
@@ -160,39 +161,43 @@ def children_of(parent, words):
     return found
 
 
-@pytest.mark.parametrize("options", [(), ("--topics", CONFIG)], ids=["from the bag", "from the topics"])
-def test_page_of_a_graph_stops_the_table_and_ends_with_its_command(bmd_rths, tmp_path, options):
-    """Nodes that somebody else has started: the services of the table driver are asked, and the bag is found."""
-    from tornado.httpclient import HTTPClient, HTTPRequest
-
-    watching = bmd_rths("monitor", "--web", *options)
-    address, token = address_of(watching)
+def test_pages_of_a_graph_stop_the_table_and_end_with_their_commands(bmd_rths, tmp_path):
+    """Nodes that somebody else has started: one page finds the bag, the other listens; services do the stop."""
+    by_bag, by_topics = (bmd_rths("monitor", "--web", *options) for options in ((), ("--topics", CONFIG)))
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip", **PATIENT)
+    pages = [address_of(watching) for watching in (by_bag, by_topics)]
     run = bmd_rths("run", CONFIG, "--composed", *endless, "--output", tmp_path, "--json")
-    http = HTTPClient()
-
-    def fetch(path, **options):
-        return json.loads(http.fetch(HTTPRequest(f"{address}{path}", **options)).body)
-
     wait_until(lambda: recorded(tmp_path, 100_000))
-    (bag,) = wait_until(lambda: fetch("api/recordings")["bags"])
-    assert fetch("api/recordings")["control"] is True
-    view = wait_until(lambda: (view := fetch(f"api/view?run={bag['id']}")).get("at", 0) > 100 and view)
-    shown, first = view["signals"]["desired_acceleration"], view["signals"]["first"]
+    bags = [wait_until(lambda a=address: fetch(f"{a}api/recordings")["bags"])[0]["id"] for address, _ in pages]
+    views = [f"{address}api/view?run={bag}" for (address, _), bag in zip(pages, bags, strict=True)]
+    seen = [wait_until(lambda v=view: (found := fetch(v)).get("at", 0) > 100 and found)["signals"] for view in views]
+
+    address, token = pages[0]
     headers = {"Origin": address.rstrip("/"), "X-Bmd-Rths-Token": token}
-    answer = fetch("api/stop", method="POST", headers=headers, body="")
+    answer = fetch(f"{address}api/stop", method="POST", headers=headers, body="")
     assert answer == {"answer": "asked the table driver: stop"}
-    said = wait_until(lambda: fetch(f"api/view?run={bag['id']}")["said"])
+    said = wait_until(lambda: fetch(views[0])["said"])
     assert said[0].startswith("table driver, stop: the table is brought to rest, after step ")
-    result = run.wait(60.0)
-    told = json.loads(result.output)
-    assert told["outcome"] == "stopped", result.errors
+    told = json.loads(run.wait(60.0).output)
+    assert told["outcome"] == "stopped"
+    for view in views:
+        wait_until(lambda v=view: fetch(v)["banner"]["word"] == "STOPPED", 20.0)
+    for watching in (by_bag, by_topics):
+        watching.interrupt()
+        assert watching.wait(20.0).status == 0
+
     record = read_bag(told["bag"])
-    heard = [value for value in shown if value is not None]
-    assert len(heard) > 90
-    expected = record.desired_acceleration[first : first + len(shown)].tolist()
-    assert all(value is None or value == wanted for value, wanted in zip(shown, expected, strict=True))
-    wait_until(lambda: fetch(f"api/view?run={bag['id']}")["banner"]["word"] == "STOPPED", 20.0)
-    watching.interrupt()
-    assert watching.wait(20.0).status == 0
-    http.close()
+    for signals in seen:
+        shown, first = signals["desired_acceleration"], signals["first"]
+        expected = record.desired_acceleration[first : first + len(shown)].tolist()
+        assert sum(value is not None for value in shown) > 90  # best effort: one may be missing
+        assert all(value is None or value == wanted for value, wanted in zip(shown, expected, strict=True))
+
+
+def fetch(url, **options):
+    """Return what a page answers."""
+    http = HTTPClient()
+    try:
+        return json.loads(http.fetch(HTTPRequest(url, **options)).body)
+    finally:
+        http.close()

@@ -35,6 +35,7 @@ class Connections:
         self._publishers: list[tuple[Topic, Publisher]] = []
         self._subscriptions: list[tuple[Topic, Subscription]] = []
         self._inputs: list[tuple[str, Callable[[], int]]] = []
+        self._producers: dict[str, str] = {}
 
     def publish_to(self, topic: Topic, config: Config, at_once: bool = False) -> Callable[[int, Any], None]:
         """Create the publisher of a topic and return what sends the value of a step, `at_once` or in its turn."""
@@ -51,9 +52,10 @@ class Connections:
 
     def listen(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Give every message of a topic of the loop to a function, through the middleware where that is needed."""
+        resolved = self._node.resolve_topic_name(topic.name)  # the name by which publishers are counted
+        self._producers[resolved] = topic.producer
         if self._intra_process.has(topic.producer):
             self._intra_process.subscribe(topic.name, self._role, on_message)
-            resolved = self._node.resolve_topic_name(topic.name)  # the name by which publishers are counted
             self._inputs.append((resolved, lambda: self._node.count_publishers(resolved)))
             return
         subscription = self.listen_beside(topic, on_message, profile)
@@ -75,6 +77,14 @@ class Connections:
                 return False
         heard = (subscription.get_publisher_count() for topic, subscription in self._subscriptions if topic.required)
         return all(heard) and all(count_publishers() for _, count_publishers in self._inputs)
+
+    def missing(self, config: Config) -> list[str]:
+        """Return the roles that the loop needs and that are not there, in the order of the alphabet."""
+        found = {self._producers[name] for name, count_publishers in self._inputs if not count_publishers()}
+        for topic, publisher in self._publishers:
+            readers = {r.node_name for r in self._node.get_subscriptions_info_by_topic(publisher.topic_name)}
+            found |= consumers_of(topic, config) - self._intra_process.consumers(topic.name) - readers
+        return sorted(found)
 
     def disturbance(self) -> str:
         """Return which input has more than one publisher, in words; empty when none has."""

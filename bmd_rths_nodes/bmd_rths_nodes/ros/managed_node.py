@@ -37,6 +37,8 @@ class ManagedNode(LifecycleNode, ABC):
         self.declare_parameter(
             "autostart", True, ParameterDescriptor(description="Configure and activate the node when it starts")
         )
+        description = "End the process when a test is over: it has ended, the table is at rest, the bag is closed"
+        self.declare_parameter("exit_when_done", False, ParameterDescriptor(description=description))
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.problem = ""
         self.to_log: list[tuple[bytes, str]] = []

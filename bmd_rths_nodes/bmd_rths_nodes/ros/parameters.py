@@ -15,7 +15,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import ParameterSpec, specs
 
 #: Parameters a ROS node may have that are not part of the configuration.
-NODE_PARAMETERS = ("autostart", "use_sim_time", "start_type_description_service")
+NODE_PARAMETERS = ("autostart", "exit_when_done", "use_sim_time", "start_type_description_service")
 
 
 def read_configuration(node: Node) -> Config:

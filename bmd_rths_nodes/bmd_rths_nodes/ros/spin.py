@@ -40,6 +40,9 @@ LONGEST_STEP = 0.05
 #: ... and in any case after this time [s].
 HOUSEKEEPING_PATIENCE = 0.3
 
+#: How often it is looked whether the test is over and the process may end [s].
+DONE_PERIOD = 0.5
+
 #: Environment variable with the process id of the parent this process must not outlive.
 SUPERVISOR_VARIABLE = "BMD_RTHS_SUPERVISOR"
 
@@ -57,7 +60,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     Returns
     -------
     int
-        Exit status: 0 after a signal, 2 when parameters or inputs are wrong.
+        Exit status: 0 after a signal, 2 when parameters or inputs are wrong; with ``exit_when_done`` 0 when the test
+        has finished, and 1 when it has ended in another way.
     """
     ending = Ending()
     try:
@@ -84,8 +88,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         # What lives now lives to the end; the collector need not look at it during a step.
         gc.collect()
         gc.freeze()
-        _spin(executor, nodes, intra_process, ending)
-        return 0
+        done = _spin(executor, nodes, intra_process, ending)
+        return nodes[0].end_of_test.exit_status if done else 0
     except InputError as error:
         return _refuse(str(error))
     finally:
@@ -104,9 +108,11 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
 
 def _spin(
     executor: rclpy.executors.Executor, nodes: Sequence[StageNode], intra_process: IntraProcess, ending: Ending
-) -> None:
+) -> bool:
+    """Run the nodes until they are asked to end; return True when they end because the test is over."""
     clock = time.perf_counter
     orphaned_at = math.inf
+    done_due = -math.inf
     supervisor = os.environ.get(SUPERVISOR_VARIABLE)
     while True:
         now = clock()
@@ -115,7 +121,11 @@ def _spin(
         if ending.asked or orphaned_at < math.inf:
             waited = ending.waited(now) if ending.asked else now - orphaned_at
             if not any(node.wants_more_time(waited, ending.hurried) for node in nodes):
-                return
+                return False
+        if now >= done_due:
+            done_due = now + DONE_PERIOD
+            if all(node.is_done(now) for node in nodes):
+                return True
         due = min(node.poll(now) for node in nodes)
         delivered = intra_process.deliver()
         house = min(nodes, key=lambda node: node.house_due)

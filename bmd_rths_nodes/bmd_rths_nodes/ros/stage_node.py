@@ -13,11 +13,12 @@ from rclpy.qos import QoSProfile
 
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.cdr import MalformedMessage
-from bmd_rths_msgs_py.topics import Topic
+from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, Topic
 from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.agreement import Agreement, Heard
 from bmd_rths_nodes.ros.connections import Connections
+from bmd_rths_nodes.ros.end_of_test import EndOfTest
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.managed_node import ManagedNode
@@ -31,6 +32,9 @@ STATUS_PERIOD = 1.0
 
 #: How often a node looks whether somebody else publishes what it listens to [s].
 LOOK_PERIOD = 0.1
+
+#: A node that waits says for whom when it has waited for this long [s], and when that changes.
+CONSOLE_PATIENCE = 2.0
 
 #: Longest wait for the last status to be acknowledged when the process ends [s].
 FAREWELL_TIMEOUT = 1.0
@@ -67,6 +71,9 @@ class StageNode(ManagedNode):
         self._status_told = self._status_due = 0.0
         self.stepped_at = 0.0
         self._last_words = False
+        self.end_of_test = EndOfTest(self.config.run.record)
+        self._said = ""
+        self._say_due = math.inf
         self.ending: Ending | None = None
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.DIAGNOSTICS)
         self.agreement = Agreement(self.ROLE, intra_process.instance)
@@ -180,6 +187,7 @@ class StageNode(ManagedNode):
         """Look for the peers, and begin at step 0."""
         self.order = StepOrder(self.config.run.time_step_ns)
         self._steps_told = 0
+        self.end_of_test = EndOfTest(self.config.run.record)
         self.agreement.begin(self.shared_parameters())
         self.set_state(NodeState.WAITING)
 
@@ -212,6 +220,10 @@ class StageNode(ManagedNode):
         """
         return math.inf
 
+    def is_done(self, now: float) -> bool:
+        """Tell whether the process may end because the test is over, as ``exit_when_done`` asks."""
+        return self.end_of_test.over(now) and bool(self.get_parameter("exit_when_done").value)
+
     @property
     def house_due(self) -> float:
         """When to call `keep_house`, as soon as the loop leaves time for it."""
@@ -233,6 +245,8 @@ class StageNode(ManagedNode):
                 self.state = NodeState.READY if found else NodeState.WAITING
             self._steps_told = self.order.steps
             self.publish_status()
+            if idle and self.state in (NodeState.WAITING, NodeState.READY):
+                self._say_what_is_waited_for(now)
         if now >= self._look_due:
             self._look_due = now + LOOK_PERIOD
             under_way = self.order.steps > self._steps_told and self.state in _TAKING_PART
@@ -256,6 +270,7 @@ class StageNode(ManagedNode):
         seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
         self._diagnostics.publish(status.to_message(own, seconds, nanoseconds))
         self._intra_process.tell_status(self.ROLE, own)
+        self.end_of_test.hear(own)
 
     def _status(self, values: Mapping[str, str]) -> NodeStatus:
         values = {**values, **self.agreement.identity()}
@@ -285,6 +300,33 @@ class StageNode(ManagedNode):
 
     # ---- details
 
+    def waited_for(self) -> str:
+        """Return for whom the node waits, for a person; empty when that is not known."""
+        return ", ".join(self._connections.missing(self.config))
+
+    def _say_the_end(self, peer: NodeStatus) -> None:
+        """Say on the console how the test has ended, once, where no other node of the process does."""
+        if peer.role != NUMERICAL_SUBSTRUCTURE or self._intra_process.has(NUMERICAL_SUBSTRUCTURE):
+            return
+        outcome = peer.values.get("outcome", "") if peer.state is NodeState.ENDED else ""
+        words = f"the test has ended, {outcome}: {peer.message}"
+        if outcome and words != self._said:
+            self._said = words
+            self.log_later(words)
+
+    def _say_what_is_waited_for(self, now: float) -> None:
+        """Say on the console that the node waits, and for whom, or that it is ready: not while a test is under way."""
+        words = "ready; the test begins when every node is"
+        if self.state is NodeState.WAITING:
+            words = f"waiting for {self.note or self.waited_for() or 'the others'}"
+        if words == self._said:
+            self._say_due = math.inf
+        elif self.state is NodeState.READY or now >= self._say_due:
+            self._said, self._say_due = words, math.inf
+            self.log_later(words)
+        else:
+            self._say_due = min(self._say_due, now + CONSOLE_PATIENCE)
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for peer in status.from_message(message):
             if peer.instance != self._intra_process.instance:
@@ -301,6 +343,8 @@ class StageNode(ManagedNode):
         elif heard is Heard.RIVAL and peer.run and unbound and self.free:
             self.on_disturbance(f"refused: a second {self.ROLE} takes part in the test ({peer.instance})")
         if heard in (Heard.BELIEVED, Heard.ADOPTED) and self.configured:
+            self.end_of_test.hear(peer)
+            self._say_the_end(peer)
             self.on_peer(peer)
 
     def _count_malformed(self, topic: Topic, problem: str) -> None:

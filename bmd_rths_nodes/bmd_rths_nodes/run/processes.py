@@ -54,8 +54,8 @@ class Supervised:
             self.process.send_signal(signal.SIGINT)
 
     def last_words(self) -> str:
-        """Return the last line it wrote."""
-        lines = self.log.read_text(errors="replace").strip().splitlines()
+        """Return the last line it wrote, of those that are no mere information."""
+        lines = [line for line in self.log.read_text(errors="replace").strip().splitlines() if "[INFO]" not in line]
         return lines[-1].removeprefix("error: ") if lines else "it wrote nothing"
 
 
