@@ -101,7 +101,7 @@ def softened_reference_response(
     intact = np.concatenate(
         [simulation.advance(first[begin : begin + _CHUNK])[0] for begin in range(0, len(first), _CHUNK)], axis=1
     )
-    motion, response = intact[: len(a), -1:], intact[len(a) :].T
+    motion, response = intact[: len(a), -1:], np.asarray(intact[len(a) :].T, dtype=float)
     a, b, c = after.relative_motion()
     phi, gamma_0, gamma_1 = first_order_hold(a, b, time_step)
     system = DiscreteStateSpace(phi, phi @ gamma_1 + gamma_0, c, c @ gamma_1)

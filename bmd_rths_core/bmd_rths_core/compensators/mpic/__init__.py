@@ -1,7 +1,7 @@
 """Model-predictive interface control (MPIC): the hybrid test as tracking of a virtual building that is measured."""
 
 from bmd_rths_core.compensators.mpic.config import MpicConfig
-from bmd_rths_core.compensators.mpic.design import make_control
+from bmd_rths_core.compensators.mpic.make import make_control
 from bmd_rths_core.compensators.protocol import Compensator
 
 COMPENSATORS = (

@@ -31,11 +31,13 @@ class MpicControl:
     ----------
     preview, displacements
         See `InterfaceControl`.
+    packed : PackedStep
+        Of the next step; another one has to have the same layout.
     """
 
     def __init__(self, packed: PackedStep, floors: int, load_cell: bool) -> None:
         layout = packed.layout
-        self._packed, self._layout, self._floors, self._load_cell = packed, layout, floors, load_cell
+        self.packed, self._layout, self._floors, self._load_cell = packed, layout, floors, load_cell
         self.preview = layout.ground_acceleration.stop - layout.ground_acceleration.start - 1
         self._stacked = np.zeros(layout.states + layout.inputs)
         self._result = np.zeros(packed.outputs + layout.states)
@@ -58,18 +60,28 @@ class MpicControl:
         if self._steps:
             self._state[:] = self._next
         else:
-            np.multiply(self._packed.start, ground_acceleration[0], out=self._state)
+            np.multiply(self.packed.start, ground_acceleration[0], out=self._state)
         self._steps += 1
         self._ground[:] = ground_acceleration
-        np.dot(self._packed.measured if self._observed else self._packed.bridged, self._stacked, out=self._result)
+        np.dot(self.packed.measured if self._observed else self.packed.bridged, self._stacked, out=self._result)
         self._observed = False
         self._stacked[self._command_error] = 0.0
         desired, force, command = self._result[:3].tolist()
         return InterfaceDemand(desired, force, command)
 
+    def expects(self, measurement: TableMeasurement) -> bool:
+        """Tell whether a measurement is that of the last step.
+
+        Parameters
+        ----------
+        measurement : TableMeasurement
+            Any.
+        """
+        return measurement.step == self._steps - 1
+
     def learn(self, measurement: TableMeasurement) -> None:
         """Take in the sensors of the last step; with a missing value only the command that was applied counts."""
-        if measurement.step != self._steps - 1:
+        if not self.expects(measurement):
             return
         measured, floors = self._measured, self._floors
         measured[0] = measurement.table_acceleration
@@ -85,8 +97,8 @@ class MpicControl:
 
     def state_space(self) -> LinearControl:
         """Return the control as a linear system, every step measured and every command applied as asked for."""
-        layout, outputs, floors = self._layout, self._packed.outputs, self._floors
-        own, matrix = layout.states, self._packed.measured
+        layout, outputs, floors = self._layout, self.packed.outputs, self._floors
+        own, matrix = layout.states, self.packed.measured
         measured = matrix[:, layout.measured]
         by_sensors = np.zeros((len(matrix), floors + 4))
         by_sensors[:, : floors + 1] = measured[:, : floors + 1]
@@ -97,4 +109,4 @@ class MpicControl:
         system = DiscreteStateSpace(
             matrix[outputs:, :own], by_inputs[outputs:], matrix[:outputs, :own], by_inputs[:outputs]
         )
-        return LinearControl(system, self._packed.start, (layout.ground.start, layout.ground.stop - 1))
+        return LinearControl(system, self.packed.start, (layout.ground.start, layout.ground.stop - 1))

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.compensators.mpic.riccati import Pieces, RiccatiSolver, at_once, finished
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.compensators.protocol import SensorNoise
 from bmd_rths_core.errors import InputError
@@ -122,7 +123,28 @@ def observer(
     InputError
         There is no steady state with these noise levels.
     """
-    from scipy.linalg import block_diag, solve_discrete_are  # not before it is needed
+    return finished(observer_in_pieces(plant, building, specimen, noise, load_cell, error))
+
+
+def observer_in_pieces(
+    plant: HeldPlant,
+    building: VirtualBuilding,
+    specimen: ShearBuilding,
+    noise: SensorNoise,
+    load_cell: bool,
+    error: ModelError,
+    solve: RiccatiSolver = at_once,
+) -> Pieces[Observer]:
+    """Return the work of `observer`.
+
+    Parameters
+    ----------
+    plant, building, specimen, noise, load_cell, error
+        As `observer` takes them.
+    solve : RiccatiSolver
+        Solves the Riccati equation.
+    """
+    from scipy.linalg import block_diag  # not before it is needed
 
     measurement, deviations = sensor_rows(plant, specimen, noise, load_cell)
     size = len(plant.transition)
@@ -133,7 +155,7 @@ def observer(
     seen = np.hstack((measurement, np.zeros((len(measurement), len(building.force)))))
     covariance = np.diag(deviations**2)
     try:
-        prior = solve_discrete_are(transition.T, seen.T, process, covariance)
+        prior = yield from solve(transition.T, seen.T, process, covariance)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise InputError(f"mpic: the observer has no steady state with these noise levels ({problem})") from problem
     gain = np.linalg.solve(seen @ prior @ seen.T + covariance, seen @ prior).T

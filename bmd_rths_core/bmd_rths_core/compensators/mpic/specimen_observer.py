@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.compensators.mpic.riccati import Pieces, RiccatiSolver, at_once, finished
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.compensators.protocol import SensorNoise
 from bmd_rths_core.errors import InputError
@@ -83,7 +84,28 @@ def specimen_observer(
     InputError
         There is no steady state with these noise levels.
     """
-    from scipy.linalg import block_diag, solve_discrete_are  # not before it is needed
+    return finished(specimen_observer_in_pieces(building, specimen, noise, load_cell, unmodelled, time_step))
+
+
+def specimen_observer_in_pieces(
+    building: VirtualBuilding,
+    specimen: ShearBuilding,
+    noise: SensorNoise,
+    load_cell: bool,
+    unmodelled: float,
+    time_step: float,
+    solve: RiccatiSolver = at_once,
+) -> Pieces[SpecimenObserver]:
+    """Return the work of `specimen_observer`.
+
+    Parameters
+    ----------
+    building, specimen, noise, load_cell, unmodelled, time_step
+        As `specimen_observer` takes them.
+    solve : RiccatiSolver
+        Solves the Riccati equation.
+    """
+    from scipy.linalg import block_diag  # not before it is needed
 
     n = specimen.stories
     a, by_table, floors = specimen.relative_motion()
@@ -100,7 +122,7 @@ def specimen_observer(
     seen = np.hstack((rows, np.zeros((len(rows), len(building.force)))))
     covariance = np.diag(deviations**2)
     try:
-        prior = solve_discrete_are(block_diag(transition, building.transition).T, seen.T, process, covariance)
+        prior = yield from solve(block_diag(transition, building.transition).T, seen.T, process, covariance)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise InputError(
             f"mpic: the observer of the specimen has no steady state with these noise levels ({problem})"

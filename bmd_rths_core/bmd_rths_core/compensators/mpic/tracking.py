@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.compensators.mpic.riccati import Pieces, RiccatiSolver, at_once, finished
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.table.models.held_plant import HeldPlant
@@ -140,8 +141,21 @@ def tracking(system: ErrorSystem, weights: TrackingWeights, preview: int) -> Tra
     -----
     With S = ρ + Bᵀ P B and A_c = A − B K, what is known of the ground enters as F_j = S⁻¹ Bᵀ (A_cᵀ)ʲ P E.
     """
-    from scipy.linalg import solve_discrete_are  # not before it is needed
+    return finished(tracking_in_pieces(system, weights, preview))
 
+
+def tracking_in_pieces(
+    system: ErrorSystem, weights: TrackingWeights, preview: int, solve: RiccatiSolver = at_once
+) -> Pieces[Tracking]:
+    """Return the work of `tracking`.
+
+    Parameters
+    ----------
+    system, weights, preview
+        As `tracking` takes them.
+    solve : RiccatiSolver
+        Solves the Riccati equation.
+    """
     a, b, e, error, d = system
     own = np.append(1.0, np.full(len(error) - 1, weights.floors))
     state_cost = error.T @ (own[:, None] * error)
@@ -149,7 +163,7 @@ def tracking(system: ErrorSystem, weights: TrackingWeights, preview: int) -> Tra
     state_cost[d + 1, d + 1] += weights.centring**2
     command_cost = np.array([[weights.command]])
     try:
-        cost = solve_discrete_are(a, b, state_cost, command_cost)
+        cost = yield from solve(a, b, state_cost, command_cost)
     except (np.linalg.LinAlgError, ValueError) as problem:
         raise InputError(f"mpic: the identified table cannot be controlled ({problem})") from problem
     weight = command_cost + b.T @ cost @ b

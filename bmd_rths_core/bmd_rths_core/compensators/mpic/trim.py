@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.compensators.identified_table import HeldTable
 from bmd_rths_core.compensators.inverse import cascade
+from bmd_rths_core.compensators.mpic.adaptation import StiffnessControl
+from bmd_rths_core.compensators.mpic.continuity import Continuity
 from bmd_rths_core.compensators.mpic.control import MpicControl
 from bmd_rths_core.compensators.protocol import InterfaceDemand, LinearControl
 from bmd_rths_core.errors import InputError
@@ -20,8 +22,6 @@ FloatArray = NDArray[np.float64]
 
 #: Band in which table and model are compared [Hz].
 BAND = (1.0, 8.0)
-#: Adaptation waits so long after a lost measurement, until the filters have forgotten it [s].
-_FORGET = 1.0
 
 
 class TrimLimits(NamedTuple):
@@ -56,7 +56,7 @@ class TrimmedControl:
 
     Parameters
     ----------
-    control : MpicControl
+    control : MpicControl or StiffnessControl
         It goes on with u: to it the trimmed table is the one that was identified.
     table : HeldTable
         The identified table.
@@ -77,7 +77,9 @@ class TrimmedControl:
     Identification", section 11.2).
     """
 
-    def __init__(self, control: MpicControl, table: HeldTable, limits: TrimLimits, time_step: float) -> None:
+    def __init__(
+        self, control: MpicControl | StiffnessControl, table: HeldTable, limits: TrimLimits, time_step: float
+    ) -> None:
         # scipy.signal takes half a second to import, which the other schemes need not wait.
         from scipy.signal import butter
 
@@ -86,14 +88,15 @@ class TrimmedControl:
         self._control, self._table, self._limits, self._time_step = control, table, limits, time_step
         self._band = cascade(np.asarray(butter(2, BAND, "bandpass", fs=1.0 / time_step, output="sos")))
         self._keeps = math.exp(-time_step / limits.memory)
-        self._waits = math.ceil(_FORGET / time_step)
+        self._continuity = Continuity(time_step)
         self.preview, self.displacements = control.preview, control.displacements
         self.reset()
 
     @property
     def adapted(self) -> Mapping[str, float]:
-        """Gain [1] and delay [s] of this step, by name."""
-        return {"table_gain": self._gain, "table_delay": self._delay}
+        """Gain [1] and delay [s] of this step, by name, and what the control adapts by itself."""
+        own = {"table_gain": self._gain, "table_delay": self._delay}
+        return own if isinstance(self._control, MpicControl) else {**own, **self._control.adapted}
 
     def reset(self) -> None:
         """Return to rest before step 0, with the identified table."""
@@ -104,7 +107,8 @@ class TrimmedControl:
         self._last = 0.0
         self._filters = np.zeros((len(self._band.a), 3))
         self._normal = np.zeros((3, 3))
-        self._step, self._measured, self._pause = -1, -1, 0
+        self._step = -1
+        self._continuity.reset()
 
     def step(self, ground_acceleration: FloatArray) -> InterfaceDemand:
         """Return what MPIC asks for, its command trimmed."""
@@ -122,9 +126,7 @@ class TrimmedControl:
         self._control.learn(measurement._replace(applied_command=self._asked + self._gain * difference))
         if measurement.step != self._step:
             return
-        if self._step - self._measured > 1 or not math.isfinite(measured):
-            self._pause = self._waits
-        self._measured = self._step
+        unbroken = self._continuity.unbroken(self._step, math.isfinite(measured))
         self._modelled = self._table.transition @ self._modelled + self._table.command * (self._given + difference)
         model = (self._table.acceleration @ self._modelled).item()
         signals = np.array([model, (self._last - model) / self._time_step, measured])
@@ -133,8 +135,7 @@ class TrimmedControl:
         self._last = model
         filtered = (self._band.c @ self._filters + self._band.d * signals)[0]
         self._filters = self._band.a @ self._filters + self._band.b * signals
-        if self._pause:
-            self._pause -= 1
+        if not unbroken:
             return
         self._normal = self._keeps * self._normal + np.outer(filtered, filtered)
         self._move()
@@ -158,4 +159,5 @@ class TrimmedControl:
 
     def held(self) -> LinearControl:
         """Return the control as it begins, its trim held at gain 1 and no delay."""
-        return self._control.state_space()
+        control = self._control
+        return control.state_space() if isinstance(control, MpicControl) else control.held()

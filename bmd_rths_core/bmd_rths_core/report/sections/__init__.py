@@ -7,6 +7,7 @@ from typing import Protocol
 from bmd_rths_core.report.document import Block, Drawing
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.sections import (
+    adaptation,
     energy,
     errors,
     forces,
@@ -57,6 +58,7 @@ SECTIONS: tuple[ReportSection, ...] = (
     limits,
     responses,
     tracking,
+    adaptation,
     frequencies,
     forces,
     hysteresis,

@@ -335,17 +335,17 @@ class SimulatedTable(ModelTable):
         whole, self._fraction = divmod(config.command_delay / time_step, 1.0)
         self._delay_steps, self._time_step = int(whole), time_step
         real = config.specimen(specimen)
-        self._intact = self._held(config.plant(real))
+        self._intact = self._discrete(config.plant(real))
         self._damaged, self._damaged_from = self._intact, math.inf
         if config.softening_factor != 1.0:
-            self._damaged = self._held(config.plant(config.softened(real)))
+            self._damaged = self._discrete(config.plant(config.softened(real)))
             self._damaged_from = config.softening_step(time_step)
         self._yielding: YieldingPlant | None = None
         if config.yield_drifts:
             self._yielding = YieldingPlant(config.plant, real, config.springs(real), time_step, self._fraction)
         super().__init__(config.sensors(specimen.stories, seed))
 
-    def _held(self, plant: Plant) -> _Held:
+    def _discrete(self, plant: Plant) -> _Held:
         """Discretise: with a fractional delay the older command acts first and the newer for the rest of the step."""
         a, b, output, feedthrough = plant
         fraction, time_step = self._fraction, self._time_step
