@@ -37,8 +37,8 @@ from bmd_rths_core.table.models.simulated import SimulatedTable
 
 #: Length of the impulse responses [s].
 MEMORY = 2.0
-#: Weights of the distortion, relative to the noise.
-WEIGHTS = tuple(np.geomspace(1e-7, 1e-2, 11).tolist())
+#: Weights of the distortion, relative to the mean power of what a change of the specimen does to a sensor.
+WEIGHTS = tuple(np.geomspace(1e-2, 1e5, 12).tolist())
 
 
 class FrontPoint(NamedTuple):
@@ -141,10 +141,26 @@ def front(config: Config, grounds: list[np.ndarray]) -> tuple[list[FrontPoint], 
     fronts: tuple[list[FrontPoint], list[FrontPoint]] = ([], [])
     strength = np.trace(normal) / len(normal)
     for weight in WEIGHTS:
-        taken = np.linalg.solve(weight / strength * 1e4 * normal + np.eye(len(normal)), weight / strength * 1e4 * right)
+        share = weight / strength
+        taken = np.linalg.solve(share * normal + np.eye(len(normal)), share * right)
         left = power - 2.0 * np.sum(taken * right, axis=0) + np.sum(taken * (normal @ taken), axis=0)
         shares = (free + np.sum(taken * crossed, axis=0)) / whole
         for i in range(2):
             noise = float(np.linalg.norm(taken[:, i]))
             fronts[i].append(FrontPoint(noise, float(np.sqrt(max(0.0, left[i]) / whole[i])), float(shares[i])))
     return fronts
+
+
+def least_noise(points: list[FrontPoint], capture: float) -> float:
+    """Return the noise of the front at a capture [m/s²], between its ends.
+
+    Parameters
+    ----------
+    points : list of FrontPoint
+        Of the interface or of the highest floor.
+    capture : float
+        Mean of the records.
+    """
+    ordered = sorted((point.capture, point.noise) for point in points)
+    shares, noises = np.array(ordered).T
+    return float(np.interp(capture, shares, noises, left=0.0))

@@ -1,4 +1,7 @@
-"""Adaptive model-based compensation (Chen, Chang, Spencer and Tsai 2015, Bull. Earthquake Eng. 13, 1703-1722)."""
+"""Adaptive model-based compensation (Chen, Chang, Spencer and Tsai 2015, Bull. Earthquake Eng. 13, 1633-1653).
+
+doi 10.1007/s10518-014-9681-2.
+"""
 
 from __future__ import annotations
 
