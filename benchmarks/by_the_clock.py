@@ -67,18 +67,20 @@ class Run(NamedTuple):
         return found
 
 
-def run(mode: str, answer_after: float, ending: str, rng: random.Random, duration: float = 6.0) -> Run:
+def run(
+    mode: str, answer_after: float, ending: str, rng: random.Random, given: tuple[str, ...] = (), duration: float = 6.0
+) -> Run:
     """Run a test and return what arrived."""
     own = {"driver": ["safety.acceleration_limit=1.2"]}.get(ending, [])
     floor_gain = 20.0 if ending == "indicator" else 1.0  # a loop with so heavy a specimen is unstable
-    pairs = [f"ground_motion.duration={duration}", "run.settling_time=0.0", *own]
+    pairs = [f"ground_motion.duration={duration}", "run.settling_time=0.0", "run.preflight=skip", *own, *given]
     settings = [word for pair in pairs for word in ("--set", pair)]
     with (
         HostWitness() as witness,
         tempfile.TemporaryDirectory(prefix="clock_") as folder,
         ArrivalController(answer_after, floor_gain=floor_gain) as controller,
     ):
-        options = ("--table", controller.address, "--scheme", "uc", "--override-preflight", "--json")
+        options = ("--table", controller.address, "--scheme", "uc", "--json")
         command = ["-m", "bmd_rths_nodes.cli.main", "run", str(CONFIG), *options, *settings, *MODES[mode]]
         child = subprocess.Popen(
             [sys.executable, *command, "--output", folder], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -163,8 +165,9 @@ def line(name: str, result: Run) -> str:
 @click.command(epilog="Example: python benchmarks/by_the_clock.py --aborts 20 --seed 1")
 @click.option("--aborts", default=0, help="Random aborts instead of the table.")
 @click.option("--seed", default=0, help="Seed of everything random.")
+@click.option("--set", "given", multiple=True, help="Parameter of every run, as for `bmd-rths run`.")
 @click.option("--mode", "modes", multiple=True, type=click.Choice(list(MODES)), help="One mode only.")
-def main(aborts: int, seed: int, modes: tuple[str, ...]) -> None:
+def main(aborts: int, seed: int, given: tuple[str, ...], modes: tuple[str, ...]) -> None:
     """Measure at the far end of the wire; exit status 1 when something did not hold."""
     rng, wrong = random.Random(seed), 0
     chosen = modes or tuple(MODES)
@@ -178,7 +181,7 @@ def main(aborts: int, seed: int, modes: tuple[str, ...]) -> None:
         answers = {"composed": (0.5e-3, 2e-3, 4e-3), "five": (0.5e-3, 2e-3)}
         cases = [(mode, answer, ending) for mode in chosen for answer in answers[mode] for ending in ENDINGS]
     for mode, answer, ending in cases:
-        result = run(mode, answer, ending, rng)
+        result = run(mode, answer, ending, rng, given)
         wrong += bool(result.wrong)
         print(line(f"{mode} {1e3 * answer:g} ms {ending}", result), flush=True)
     if not aborts:

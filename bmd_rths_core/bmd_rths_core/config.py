@@ -101,6 +101,37 @@ class RunConfig:
 
 
 @dataclass(frozen=True)
+class RealTimeConfig:
+    """What the processes of the loop ask Linux for in real time; each may have its own."""
+
+    SECTION: ClassVar[str] = "real_time"
+
+    priority: int = parameter(
+        0,
+        description="Real-time priority (SCHED_FIFO) of every thread of a process; 0 leaves the ordinary scheduler",
+        unit="1",
+        source="sched(7); 99 is left to the kernel",
+        lower=0,
+        upper=98,
+    )
+    lock_memory: bool = parameter(
+        False, description="Keep the memory of a process from being moved to disk", source="mlockall(2)"
+    )
+    processor: int = parameter(
+        -1,
+        description="Number of the processor that the loop of a process stays on; -1 leaves that to the kernel",
+        unit="1",
+        source="sched_setaffinity(2)",
+        lower=-1,
+        upper=1023,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_parameters(self)
+
+
+@dataclass(frozen=True)
 class RecorderConfig:
     """Where and how a test is recorded."""
 
@@ -126,7 +157,7 @@ class Config:
     ----------
     run, rig, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table,
     simulated_table, virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder,
-    verdict
+    real_time, verdict
         See the section classes.
     compensation : tuple
         The sections of the other compensators, as the registry finds them; in a file they stand beside the others.
@@ -148,6 +179,7 @@ class Config:
     shear_estimator: ShearEstimatorConfig = dataclasses.field(default_factory=ShearEstimatorConfig)
     force_correction: ForceCorrectionConfig = dataclasses.field(default_factory=ForceCorrectionConfig)
     recorder: RecorderConfig = dataclasses.field(default_factory=RecorderConfig)
+    real_time: RealTimeConfig = dataclasses.field(default_factory=RealTimeConfig)
     verdict: VerdictConfig = dataclasses.field(default_factory=VerdictConfig)
     compensation: tuple[Any, ...] = dataclasses.field(
         default_factory=lambda: tuple(SECTIONS[name]() for name in compensation_sections())

@@ -64,11 +64,13 @@ def module_of(executable: str) -> str:
 
 #: The roles of the loop, in the order in which a step passes through them.
 LOOP = (
-    Role(NUMERICAL_SUBSTRUCTURE, ("run", "ground_motion", "numerical_substructure", "nonlinear", "safety")),
-    Role(COMMAND_SHAPER, ("run", "command_shaper")),
-    Role(TABLE_DRIVER, ("run", "rig", "safety", "table", "simulated_table", "specimen")),
-    Role(SHEAR_ESTIMATOR, ("run", "shear_estimator", "specimen")),
-    Role(FORCE_CORRECTION, ("run", "force_correction")),
+    Role(
+        NUMERICAL_SUBSTRUCTURE, ("run", "real_time", "ground_motion", "numerical_substructure", "nonlinear", "safety")
+    ),
+    Role(COMMAND_SHAPER, ("run", "real_time", "command_shaper")),
+    Role(TABLE_DRIVER, ("run", "real_time", "rig", "safety", "table", "simulated_table", "specimen")),
+    Role(SHEAR_ESTIMATOR, ("run", "real_time", "shear_estimator", "specimen")),
+    Role(FORCE_CORRECTION, ("run", "real_time", "force_correction")),
 )
 
 #: Every role of a run by its name; the recorder keeps the whole configuration in the bag.

@@ -133,6 +133,11 @@ class RecorderNode(StageNode):
         """Return the parameters and, because the name of a file says little, what the ground motion is."""
         return with_motion(super().shared_parameters(), self._motion)
 
+    @property
+    def in_real_time(self) -> bool:
+        """False: the recorder has time, and is to take none from the loop."""
+        return False
+
     def stop_stage(self) -> None:
         """Close the bag, whatever has come so far."""
         if not self.configured or self._writer is None:

@@ -22,6 +22,7 @@ from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.middleware import prepare_middleware
 from bmd_rths_nodes.ros.parameter_files import refuse_unreached
+from bmd_rths_nodes.ros.real_time import enter_real_time
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.warm_up import warm_up
 
@@ -80,6 +81,9 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
             executor.add_node(nodes[-1])
         names = [node.get_fully_qualified_name() for node in nodes]
         refuse_unreached(sys.argv if arguments is None else arguments, names)
+        first = nodes[0]
+        if first.in_real_time and (in_force := enter_real_time(first.config.real_time)):
+            first.get_logger().info(f"in real time: {', '.join(in_force)}")
         for node in nodes:
             problem = _autostart(node)
             if problem:

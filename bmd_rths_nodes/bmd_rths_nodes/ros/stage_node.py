@@ -112,7 +112,13 @@ class StageNode(ManagedNode):
         mapping = self.config.as_mapping()
         declared = ROLES[self.ROLE].sections
         sections = mapping if declared is None else dict.fromkeys((*declared, *self.further_sections()))
-        return {section: mapping[section] for section in sections}
+        own = ("real_time",)  # of each process, as it needs it
+        return {section: mapping[section] for section in sections if section not in own}
+
+    @property
+    def in_real_time(self) -> bool:
+        """True when the process of this node has to be in time."""
+        return not self.config.run.lockstep
 
     def further_sections(self) -> tuple[str, ...]:
         """Return the sections that this node reads besides those of its role."""

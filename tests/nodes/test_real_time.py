@@ -1,0 +1,89 @@
+"""What Linux does for the processes of the loop: it is in force in every thread, or refused in one line."""
+
+import os
+import resource
+import sys
+
+import pytest
+
+from bmd_rths_core.config import RealTimeConfig
+from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.ros.real_time import enter_real_time
+from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
+
+#: Enter real time beside a thread that is there and before one that comes, and tell what each has.
+ASK = """
+import os, sys, threading
+from bmd_rths_core.config import RealTimeConfig
+from bmd_rths_nodes.ros.real_time import enter_real_time
+from bmd_rths_core.errors import InputError
+
+def tell():
+    print(os.sched_getscheduler(0) == os.SCHED_FIFO, os.sched_getparam(0).sched_priority)
+
+going, ended = threading.Event(), threading.Event()
+def before():
+    going.set()
+    ended.wait()
+    tell()
+
+early = threading.Thread(target=before)
+early.start()
+going.wait()
+try:
+    print(enter_real_time(RealTimeConfig(priority=7, processor=min(os.sched_getaffinity(0)), lock_memory=True)))
+    print(len(os.sched_getaffinity(0)))
+except InputError as error:
+    sys.exit(str(error))
+finally:
+    ended.set()
+    early.join()
+late = threading.Thread(target=tell)
+late.start()
+late.join()
+tell()
+"""
+
+
+def test_it_is_in_force_in_every_thread_or_refused(start):
+    result = start("-c", ASK).wait()
+    if result.status == 0:
+        processor = min(os.sched_getaffinity(0))
+        told = [f"['memory locked', 'processor {processor}', 'SCHED_FIFO 7']", "1", *["True 7"] * 3]
+        assert result.output.splitlines() == told
+        with open("/proc/self/status", encoding="utf-8") as own:
+            assert "VmLck:\t       0 kB" in own.read()  # the process of the test is as it was
+    else:
+        assert "is not permitted" in result.errors or "not permitted: " in result.errors
+        limits = (resource.RLIMIT_RTPRIO, resource.RLIMIT_MEMLOCK)
+        assert any(resource.getrlimit(limit)[0] != resource.RLIM_INFINITY for limit in limits)
+
+
+def test_processor_that_is_not_there_is_refused():
+    with pytest.raises(InputError, match=r"^real_time.processor: 1023 is not available; one of [\d, ]+ is required$"):
+        enter_real_time(RealTimeConfig(processor=1023))
+
+
+def test_nothing_wanted_changes_nothing():
+    before = os.sched_getscheduler(0), os.sched_getaffinity(0)
+    assert enter_real_time(RealTimeConfig()) == []
+    assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="needs the right to real-time priority")
+def test_loop_of_a_run_is_in_real_time_and_its_recorder_is_not(bmd_rths, domain, tmp_path):
+    settings = ("--set", "real_time.priority=7", "--set", "run.preflight=skip", "--set", "ground_motion.duration=4.0")
+    child = bmd_rths("run", CONFIG, "--composed", *settings, "--output", tmp_path)
+    names = {"composed_loop": os.SCHED_FIFO, "recorder": os.SCHED_OTHER}
+
+    def schedulers():
+        found = {}
+        for pid, command in processes_of_domain(domain).items():
+            for name in names:
+                if f"nodes.{name}" in command:
+                    found[name] = os.sched_getscheduler(pid)
+        return found == names
+
+    wait_until(schedulers)
+    child.wait()
