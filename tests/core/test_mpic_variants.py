@@ -5,6 +5,7 @@ import pytest
 
 from bmd_rths_core.analysis.reference import reference_response
 from bmd_rths_core.compensators.mpic.specimen_observer import specimen_observer
+from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import zero_order_hold
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.loop.build import make_interface_control
@@ -19,6 +20,10 @@ FLOORS = 0.2
 
 def by_measured_table(make=exact, **changes):
     return make(mpic__observer="measured_table", **changes)
+
+
+def by_uncertain_table(make=exact, **changes):
+    return make(mpic__observer="uncertain_table", **changes)
 
 
 def test_observer_of_the_specimen_has_the_error_that_it_says():
@@ -49,8 +54,9 @@ def test_observer_of_the_specimen_has_the_error_that_it_says():
     assert np.std(errors) == pytest.approx(np.sqrt(row @ found.covariance @ row), rel=0.1)
 
 
-def test_the_assembled_loop_is_the_loop_step_by_step():
-    config, ground = by_measured_table(), motion()
+@pytest.mark.parametrize("observer", ["measured_table", "uncertain_table"])
+def test_the_assembled_loop_is_the_loop_step_by_step(observer):
+    config, ground = exact(mpic__observer=observer), motion()
     loop = closed_loop(config, displacement=True)
     record = RthsLoop(config, ground).run()
     main, drive = noise_streams(config.run.seed)
@@ -119,3 +125,21 @@ def test_joint_observer_has_no_state_for_the_specimen():
     joint, own = (make_interface_control(config)._layout for config in (exact(), by_measured_table()))
     assert joint.specimen.start == joint.specimen.stop
     assert own.states == joint.states + 2 * SPECIMEN.stories
+
+
+def test_uncertain_table_with_the_error_of_the_joint_observer_is_the_joint_observer():
+    """Both filters then are the same, and the one that drives the table is the one that corrects the building."""
+    error = Config().section("mpic").command_error
+    own, joint = exact(mpic__observer="uncertain_table", mpic__table_error=error), exact()
+    first, second = (RthsLoop(config, motion(300)).run() for config in (own, joint))
+    for name in ("command", "desired_acceleration", "required_force"):
+        signal = getattr(second, name)
+        np.testing.assert_allclose(getattr(first, name), signal, rtol=1e-9, atol=1e-9 * np.abs(signal).max())
+
+
+def test_uncertain_table_is_less_misled_than_the_joint_observer_and_has_less_noise_than_the_measured_table():
+    wrong, ground = {"identified_model__gain": 1.1}, motion(800)
+    joint, loose = (error_of_the_interface(make(quiet, **wrong), ground) for make in (_joint, by_uncertain_table))
+    assert loose < 0.5 * joint
+    noisy = [error_of_the_interface(make(exact), ground) for make in (by_uncertain_table, by_measured_table)]
+    assert noisy[0] < noisy[1]

@@ -1,10 +1,12 @@
 """Plants that are drawn: what they are, that they are drawn again alike, and what a study of them says."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from bmd_rths_core.campaign.motions import CampaignMotion
-from bmd_rths_core.campaign.robustness import RobustnessStudy, distributions, drawn_plant
+from bmd_rths_core.campaign.robustness import RobustnessStudy, distributions, drawn_plant, identified_plant
 from bmd_rths_core.campaign.study import run_piece
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
@@ -65,6 +67,42 @@ def test_drawn_sections_keep_their_gain_and_move_their_poles():
     assert len(set(speeds.tolist())) == 4
     for before, after, speed in zip(rows, moved, speeds, strict=False):
         assert np.sort_complex(np.roots(after[3:])) == pytest.approx(speed * np.sort_complex(np.roots(before[3:])))
+
+
+DEVIATIONS = {
+    "identified_model__table": "interacting_servo",
+    "identified_model__stiffnesses": [2.5e6, 4.9e6],
+    "identified_model__damping_coefficients": [3330.0, 78.0],
+    "identified_model__stiffness_deviations": [2.5e4, 4.9e4],
+    "identified_model__damping_deviations": [33.3, 0.78],
+    "identified_model__table_deviations": [0.02, 1.0, 1.5, 0.001, 50.0, 1e-4],
+}
+
+
+def test_plants_are_drawn_from_the_deviations_of_the_identified_model():
+    config = Config().changed(**DEVIATIONS)
+    draws = [identified_plant(config, np.random.default_rng(i)) for i in range(400)]
+    table, model = config.simulated_table, config.identified_model
+    expected = {"specimen_stiffness_factor": 0.01, "specimen_damping_factor": 0.01, "command_gain": 0.02}
+    expected["servo_real_pole"] = 1.0 / model.servo_real_pole
+    expected["platen_mass"] = 50.0 / model.platen_mass
+    for name, deviation in expected.items():
+        ratios = np.array([draw[f"simulated_table.{name}"] for draw in draws]) / getattr(table, name)
+        assert np.std(ratios) == pytest.approx(deviation, rel=0.12), name
+        assert np.mean(ratios) == pytest.approx(1.0, abs=4.0 * deviation / 20.0), name
+    delays = np.array([draw["simulated_table.command_delay"] for draw in draws])
+    assert (delays == 0.0).mean() == pytest.approx(0.5, abs=0.1)
+    study = RobustnessStudy(
+        config, [CampaignMotion("random", ONLY, FROM_FILE, motion(600))], ("uc",), 2, identified=True
+    )
+    assert len({run.key for piece in study.pieces() for run in piece.runs}) == 2
+    with pytest.raises(InputError, match=r"identified_model.stiffness_deviations: none"):
+        dataclasses.replace(study, config=Config())
+
+
+def test_deviations_have_the_length_of_what_they_are_of():
+    with pytest.raises(InputError, match=r"identified_model.table_deviations: 2 entries; 6 or none"):
+        Config().changed(**{**DEVIATIONS, "identified_model__table_deviations": [0.1, 0.2]})
 
 
 def made_study(plants, share=0.1, schemes=("uc",)):

@@ -53,11 +53,13 @@ class RobustnessStudy:
         Of the drawing: the first plants of a larger study are those of a smaller one.
     engine : str
         Part of the key of a run, as `CampaignStudy` has it.
+    identified : bool
+        Draw from the standard deviations of the identified model instead, normally; the share does not matter then.
 
     Raises
     ------
     InputError
-        The share is not between 0 and 1.
+        The share is not between 0 and 1, or there are no standard deviations.
     """
 
     config: Config
@@ -67,9 +69,15 @@ class RobustnessStudy:
     share: float = 0.1
     seed: int = 0
     engine: str = ""
+    identified: bool = False
 
     def __post_init__(self) -> None:
         """Check the share."""
+        if self.identified and not self.config.identified_model.stiffness_deviations:
+            raise InputError(
+                "identified_model.stiffness_deviations: none; a model with them, as `bmd-rths identify` writes it, is "
+                "required"
+            )
         if not 0.0 <= self.share < 1.0:
             raise InputError(f"--share {self.share:g}: is not allowed; >= 0 and < 1 is required")
 
@@ -87,7 +95,9 @@ class RobustnessStudy:
             With the drawn parameters as its variation.
         """
         for index in range(self.plants):
-            variation = drawn_plant(self.config, self.share, np.random.default_rng((self.seed, index)))
+            random = np.random.default_rng((self.seed, index))
+            drawn = identified_plant(self.config, random) if self.identified else None
+            variation = drawn or drawn_plant(self.config, self.share, random)
             changes = {name.replace(".", "__", 1): value for name, value in variation.items()}
             study = Study(self.config.changed(**changes), self.motions, self.schemes, capture=True)
             for piece in study.pieces():
@@ -124,6 +134,45 @@ def drawn_plant(config: Config, share: float, random: np.random.Generator) -> di
     step = config.run.time_step
     values["command_delay"] = max(0.0, table.command_delay + float(random.choice(_DELAYS)) * step)
     values["unmodelled_mode"] = _MODE if random.uniform() < _WITH_MODE else 0.0
+    return {f"simulated_table.{name}": value for name, value in values.items()}
+
+
+def identified_plant(config: Config, random: np.random.Generator) -> dict[str, object]:
+    """Draw a table with a specimen on it from what its identification is not sure of.
+
+    Parameters
+    ----------
+    config : Config
+        What is drawn around, with the standard deviations of an identified model.
+    random : numpy.random.Generator
+        Where the numbers come from.
+
+    Returns
+    -------
+    dict of str to object
+        Parameters of the section simulated_table, as ``section.key``. All stories have one factor of stiffness and one
+        of damping, with the mean of their deviations.
+    """
+    table, model = config.simulated_table, config.identified_model
+    stories = [
+        float(np.mean(np.asarray(deviations) / np.asarray(values)))
+        for deviations, values in (
+            (model.stiffness_deviations, model.stiffnesses),
+            (model.damping_deviations, model.damping_coefficients),
+        )
+    ]
+    relative = {"specimen_stiffness_factor": stories[0], "specimen_damping_factor": stories[1]}
+    delay = 0.0
+    if model.table_deviations:
+        names = ("gain", "servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass")
+        relative |= {n: d / getattr(model, n) for n, d in zip(names, model.table_deviations, strict=False)}
+        relative["command_gain"] = relative.pop("gain")
+        delay = model.table_deviations[-1]
+    factors = np.exp(np.fromiter(relative.values(), float) * random.standard_normal(len(relative)))
+    values: dict[str, object] = {
+        name: float(factor) * getattr(table, name) for name, factor in zip(relative, factors, strict=True)
+    }
+    values["command_delay"] = max(0.0, table.command_delay + delay * float(random.standard_normal()))
     return {f"simulated_table.{name}": value for name, value in values.items()}
 
 

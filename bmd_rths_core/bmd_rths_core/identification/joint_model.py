@@ -103,6 +103,12 @@ class JointModel:
             values["sections"] = list(self.sections)
         values["stiffnesses"] = [float(f"{value:.8g}") for value in self.building.stiffnesses]
         values["damping_coefficients"] = [float(f"{value:.6g}") for value in self.building.damping_coefficients]
+        deviations = {
+            "table": [self.servo_deviations[name] for name in SERVO] if self.servo else [],
+            "stiffness": self.stiffness_deviations.tolist(),
+            "damping": self.damping_deviations.tolist(),
+        }
+        values |= {f"{name}_deviations": [float(f"{v:.3g}") for v in own] for name, own in deviations.items() if own}
         values |= {name: float(f"{value:.4g}") for name, value in self.noise.items()}
         return {"identified_model": values}
 

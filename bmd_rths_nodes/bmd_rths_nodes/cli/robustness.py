@@ -18,6 +18,7 @@ from bmd_rths_nodes.cli.options import check_writable, json_option, log
 @click.option("--schemes", metavar="NAMES", help="Compensators, by commas. [default: that of the configuration]")
 @click.option("--plants", type=click.IntRange(min=1), default=100, show_default=True, help="How many are drawn.")
 @click.option("--share", default=0.1, show_default=True, help="Uniform ± share of everything that is drawn.")
+@click.option("--identified-deviations", is_flag=True, help="Draw from those of the identified model instead.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the drawing.")
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes on this machine.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on instead (pip install distributed).")
@@ -34,6 +35,7 @@ def robustness(
     schemes: str | None,
     plants: int,
     share: float,
+    identified_deviations: bool,
     seed: int,
     jobs: int | None,
     scheduler: str | None,
@@ -68,7 +70,7 @@ def robustness(
         high_pass=filtered,
     )
     motion = CampaignMotion(asked.record, asked.component, asked.unit, read)
-    study = RobustnessStudy(config, [motion], names, plants, share, seed)
+    study = RobustnessStudy(config, [motion], names, plants, share, seed, identified=identified_deviations)
     check_writable(output)
     with contextlib.closing(CampaignResults(output)) as results:
         try:

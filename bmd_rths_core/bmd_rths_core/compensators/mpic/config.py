@@ -41,10 +41,19 @@ class MpicConfig:
     )
     observer: str = parameter(
         "joint",
-        description="What corrects the virtual building: joint, one observer of table and specimen, or measured_table, "
-        "an observer of the specimen that the measured motion of the table drives, for a table that is not known well",
+        description="What corrects the virtual building: joint, one observer of table and specimen; uncertain_table, "
+        "another such observer that assumes table_error; or measured_table, an observer of the specimen that the "
+        "measured motion of the table drives. The last two are for a table that is not known well",
         source="docs/reference/compensators.md",
-        choices=("joint", "measured_table"),
+        choices=("joint", "uncertain_table", "measured_table"),
+    )
+    table_error: float = parameter(
+        0.3,
+        description="Error of the command as it acts on the table that the observer uncertain_table assumes, root mean "
+        "square",
+        unit="m/s2",
+        source="tuned on simulated tables within 10 % of the identified one",
+        **VARIANCE,
     )
     preview: int = parameter(
         3,

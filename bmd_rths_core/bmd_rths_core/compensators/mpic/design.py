@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bmd_rths_core.compensators.mpic.config import MpicConfig
-from bmd_rths_core.compensators.mpic.estimation import ModelError, observer_in_pieces
+from bmd_rths_core.compensators.mpic.estimation import ModelError, Observer, observer_in_pieces
 from bmd_rths_core.compensators.mpic.packed import PackedStep, packed_step
 from bmd_rths_core.compensators.mpic.riccati import Pieces, RiccatiSolver, at_once, finished
-from bmd_rths_core.compensators.mpic.specimen_observer import specimen_observer_in_pieces
+from bmd_rths_core.compensators.mpic.specimen_observer import SpecimenObserver, specimen_observer_in_pieces
 from bmd_rths_core.compensators.mpic.tracking import TrackingWeights, error_system, tracking_in_pieces
 from bmd_rths_core.compensators.mpic.virtual_building import virtual_building
 from bmd_rths_core.compensators.protocol import Known
@@ -63,8 +63,12 @@ def design_in_pieces(known: Known, solve: RiccatiSolver = at_once) -> Pieces[Pac
     yield
     errors = error_system(plant, building, known.time_step)
     driving = yield from tracking_in_pieces(errors, weights, settings.preview, solve)
-    own = None
-    if settings.observer == "measured_table":
+    own: SpecimenObserver | Observer | None = None
+    if settings.observer == "uncertain_table":
+        yield
+        loose = ModelError(settings.table_error, unmodelled)
+        own = yield from observer_in_pieces(plant, building, known.specimen, *sensors, loose, solve)
+    elif settings.observer == "measured_table":
         yield
         own = yield from specimen_observer_in_pieces(
             building, known.specimen, *sensors, unmodelled, known.time_step, solve

@@ -26,7 +26,8 @@ class Layout(NamedTuple):
     building : slice
         Φ x_b + Γ₀ a_g of the step before.
     specimen : slice
-        Φ x̂ + Γ₀ a_t of the step before of the specimen's own observer; empty with the joint one.
+        What the own observer of the virtual building predicts: x̂⁻ of another joint observer, or Φ x̂ + Γ₀ a_t of the
+        step before of the specimen's; empty without one.
     ground : slice
         Displacement and velocity of the ground, but for what a_g of this step adds.
     ground_acceleration : slice
@@ -85,7 +86,7 @@ def packed_step(
     observer: Observer,
     tracking: Tracking,
     time_step: float,
-    specimen: SpecimenObserver | None = None,
+    specimen: SpecimenObserver | Observer | None = None,
 ) -> PackedStep:
     """Multiply out a step.
 
@@ -95,14 +96,18 @@ def packed_step(
         The parts.
     time_step : float
         Δt [s].
-    specimen : SpecimenObserver, optional
-        Corrects the virtual building in place of the joint observer.
+    specimen : SpecimenObserver or Observer, optional
+        Corrects the virtual building in place of `observer`, which then only drives the table.
 
     Returns
     -------
     PackedStep
     """
-    own = 0 if specimen is None else len(specimen.transition)
+    own = 0
+    if isinstance(specimen, Observer):
+        own = len(plant.transition)
+    elif specimen is not None:
+        own = len(specimen.transition)
     sizes = (
         len(plant.transition),
         len(building.force),
@@ -130,7 +135,7 @@ def _multiplied_out(
     observer: Observer,
     tracking: Tracking,
     time_step: float,
-    specimen: SpecimenObserver | None,
+    specimen: SpecimenObserver | Observer | None,
     gain: float,
 ) -> FloatArray:
     """Return M; a signal is a row, what it takes of the state and of the inputs."""
@@ -141,8 +146,14 @@ def _multiplied_out(
     estimate = predicted + observer.plant_gain @ innovation
     virtual = rows[layout.building] + building.ground_now @ ground[:1]
     following = rows[layout.specimen]
+    own: FloatArray | None = None
     if specimen is None:
         virtual = virtual + observer.building_gain @ innovation
+    elif isinstance(specimen, Observer):
+        expected = rows[layout.specimen] + plant.command @ rows[layout.command_error]
+        told = gain * (rows[layout.measured] - specimen.measurement @ expected)
+        virtual = virtual + specimen.building_gain @ told
+        own = expected + specimen.plant_gain @ told
     else:
         # Without a measurement the motion of the table is what the joint observer makes of the command.
         moving = rows[layout.measured][:1] if gain else plant.output[:1] @ estimate
@@ -154,6 +165,8 @@ def _multiplied_out(
     error = estimate.copy()
     error[plant.displacement : plant.displacement + 2] -= virtual[list(building.interface)] + moved
     command = -tracking.gain @ np.vstack((error, virtual, ground[:1])) - tracking.preview @ ground[1:]
+    if own is not None:
+        following = plant.transition @ own + plant.command @ command[None]
     outputs = np.vstack((building.acceleration @ virtual, building.force @ virtual, command))
     return np.vstack(
         (

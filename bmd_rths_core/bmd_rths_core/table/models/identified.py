@@ -87,6 +87,31 @@ class IdentifiedModelConfig:
         source="bmd-rths identify",
         **DAMPING,
     )
+    table_deviations: tuple[float, ...] = parameter(
+        (),
+        description="Standard deviations of gain, servo_real_pole, servo_frequency, servo_damping_ratio, platen_mass "
+        "and command_delay, for studies of robustness; none where they are not known",
+        unit="of each",
+        source="bmd-rths identify",
+        lower=0.0,
+        upper=1e8,
+    )
+    stiffness_deviations: tuple[float, ...] = parameter(
+        (),
+        description="Standard deviations of the stiffnesses",
+        unit="N/m",
+        source="bmd-rths identify",
+        lower=0.0,
+        upper=1e12,
+    )
+    damping_deviations: tuple[float, ...] = parameter(
+        (),
+        description="Standard deviations of the damping coefficients",
+        unit="N s/m",
+        source="bmd-rths identify",
+        lower=0.0,
+        upper=1e12,
+    )
     acceleration_noise: float = parameter(
         0.0524,
         description="Noise of the accelerometers, root mean square",
@@ -115,6 +140,13 @@ class IdentifiedModelConfig:
                 "identified_model: stiffnesses and damping_coefficients need one entry a story each; "
                 f"they have {len(self.stiffnesses)} and {len(self.damping_coefficients)} entries"
             )
+        stories = len(self.stiffnesses)
+        for name, expected in (("table", 6), ("stiffness", stories), ("damping", stories)):
+            entries = len(getattr(self, f"{name}_deviations"))
+            if entries not in (0, expected):
+                raise InputError(
+                    f"identified_model.{name}_deviations: {entries} entries; {expected} or none are required"
+                )
         series(self.sections)
 
     def specimen(self, nominal: ShearBuilding) -> ShearBuilding:
