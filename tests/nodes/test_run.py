@@ -284,6 +284,7 @@ def test_killed_node_ends_the_run_with_its_name_and_a_readable_bag(bmd_rths, tmp
     result = child.wait(60.0)
     assert result.status == 1
     assert "command_shaper ended with status -9" in result.errors
+    assert result.output, result.errors
     record = read_bag(json.loads(result.output)["bag"])
     assert record.outcome == "failed"
     assert "deadlines in a row were missed" in record.reason

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
-from bmd_rths_core.config import Config
+
+if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
 
 #: Errors of the paper by earthquake and scheme [%]; None where the test was unstable.
 PaperTable = Mapping[str, Mapping[str, float | None]]
@@ -110,6 +113,8 @@ def is_paper_system(config: Config) -> bool:
     config : Config
         The whole configuration; table, scheme and limits do not matter.
     """
+    from bmd_rths_core.config import Config  # numpy, which the help of a command does without
+
     paper = Config()
     same = all(getattr(config, section) == getattr(paper, section) for section in _OF_THE_SYSTEM)
     return same and config.force_correction.feedback_scale == 1.0
