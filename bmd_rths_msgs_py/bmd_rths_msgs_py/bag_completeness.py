@@ -37,12 +37,12 @@ def namespace_of(recorded: Collection[str]) -> str:
         Several namespaces have signals, or there are topics and none of them is a signal.
     """
     usual = MEASUREMENT.full_name.removesuffix(f"/{MEASUREMENT.name}")
-    if any(topic.full_name in recorded for topic in SIGNAL_TOPICS):
+    if any(topic.full_name in recorded for topic in READ_TOPICS):
         return usual
     found = {
         name.removesuffix(f"/{topic.name}")
         for name in recorded
-        for topic in SIGNAL_TOPICS
+        for topic in READ_TOPICS
         if name.endswith(f"/{topic.name}")
     }
     if len(found) == 1:
