@@ -179,8 +179,10 @@ class RunRecord:
 
     @property
     def controller(self) -> str:
-        """Controller of the table: as its driver told it, or else as it is configured."""
+        """Controller of the table: as its driver told it, or else as it is configured; of a cut recording unknown."""
         if self.told_controller is None:
+            if self.outcome == "cut":
+                return "unknown"
             return str(self.configuration["table"]["controller"])
         return self.told_controller or "unknown"
 

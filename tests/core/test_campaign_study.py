@@ -47,6 +47,30 @@ def test_list_names_components_and_units(folder):
     assert found.left_out == {}
 
 
+def test_what_files_do_not_say_is_said_once_for_all_that_need_it(folder):
+    """A file that says it itself is read by what it says."""
+    (folder / "numbers.txt").write_text("\n".join(str(0.1 * (i % 7)) for i in range(50)) + "\n")
+    (folder / "b.json").write_bytes(SAMPLES["SimCenter JSON"].content)
+    plain = read_motions(folder)
+    asked = (
+        Config()
+        .changed(ground_motion__record_time_step=0.02, ground_motion__columns="x", ground_motion__unit="g")
+        .ground_motion
+    )
+    found = read_motions(folder, asked)
+    assert "numbers.txt" in plain.left_out
+    assert {m.record for m in plain.motions} < {m.record for m in found.motions}
+    (numbers,) = [m for m in found.motions if m.record.endswith("numbers.txt")]
+    assert (numbers.motion.time_step, numbers.unit, numbers.columns) == (0.02, "g", "x")
+    as_stated = [[m[:3] for m in read.motions if m.record.endswith("a.csv")] for read in (plain, found)]
+    assert as_stated[0] == as_stated[1]
+    config = Config().changed(ground_motion__duration=0.2)
+    study = Study(config, [numbers], ["uc"], {})
+    (piece,) = study.pieces()
+    (finished,) = run_piece(piece)
+    assert finished.result["outcome"] == "finished"
+
+
 def test_one_record_is_a_campaign_too(folder):
     assert [motion.motion.name for motion in read_motions(folder / "Kobe" / "a.csv").motions] == ["a"]
 

@@ -1,5 +1,8 @@
 """The loop in process: convergence to the reference, order of the schemes, limits, determinism."""
 
+import gc
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -108,3 +111,23 @@ def test_progress_reports_every_period_and_the_end():
     seen = []
     RthsLoop(Config(), synthetic(0.005)).run(progress=seen.append)
     assert seen == [200, 400, 600, 601]
+
+
+def test_repeated_tests_in_one_process_do_not_grow():
+    """The collector is asked first: what it has not come to yet is not kept."""
+    config = Config().changed(ground_motion__duration=0.1)
+    motion = select_ground_motion(config.ground_motion, config.run.time_step)
+
+    def kept_after(tests):
+        for _ in range(tests):
+            RthsLoop(config, motion).run()
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0]
+
+    kept_after(5)
+    tracemalloc.start()
+    try:
+        begin = kept_after(5)
+        assert kept_after(20) - begin < 20 * 1_000
+    finally:
+        tracemalloc.stop()

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.analysis.assumptions import assumptions
+from bmd_rths_core.analysis.run_analysis import analysed
 from bmd_rths_core.config import Config
 from bmd_rths_core.record import RunRecord, TimingStatistics, empty_signals
-from bmd_rths_core.report.wording import ending
+from bmd_rths_core.report.wording import assumption, ending
 
 
 def record_of(steps=1000, known=True, **changes):
@@ -66,3 +67,12 @@ def test_table_of_somebody_else_assumes_nothing_of_the_simulated_one(told, name)
     record = record_of(told_controller=told)
     assert record.controller == name
     assert bool(assumptions(Config(), record.controller)) is (name == "simulated")
+    assert analysed(record).quality.specimen == ("simulated" if name == "simulated" else None)
+
+
+def test_what_moved_the_table_of_a_cut_recording_is_not_known():
+    record = record_of(outcome="cut", reason="the recording has no end")
+    assert record.controller == "unknown"
+    analysis = analysed(record)
+    assert assumption(analysis) == "What moved the table is not known: the recording has no end."
+    assert (analysis.quality.specimen, analysis.quality.clean.origin) == (None, "estimated")

@@ -133,12 +133,12 @@ def test_results_are_those_of_the_drawn_plants():
     assert told["uc"]["substructure_percent"]["median"] == pytest.approx(np.median(errors))
 
 
-def test_small_captures_are_the_bad_ones_and_unstable_plants_are_counted():
-    def result(capture, radius=0.9, stable=True):
+def test_small_captures_are_the_bad_ones_and_plants_are_counted_by_how_their_runs_ended():
+    def result(capture, radius=0.9, stability="stable"):
         keys = ("substructure", "control_layer", "superstructure")
-        errors = dict.fromkeys(keys, 5.0 if stable else None)
+        errors = dict.fromkeys(keys, 5.0 if stability == "stable" else None)
         captures = {"substructure": capture, "superstructure": 1.0}
-        made = {"scheme": "uc", "stable": stable, "capture": captures, "spectral_radius": radius}
+        made = {"scheme": "uc", "stability": stability, "capture": captures, "spectral_radius": radius}
         return made | {
             "rmse_true_percent": errors,
             "rmse_clean_percent": errors,
@@ -146,10 +146,11 @@ def test_small_captures_are_the_bad_ones_and_unstable_plants_are_counted():
             "peak_displacement": 1.0,
         }
 
-    told = distributions([result(0.2), result(1.0), result(0.9), result(0.5, radius=1.01), result(0.4, stable=False)])
+    bad = [result(0.4, stability=word) for word in ("unstable", "limit", "limit", "limit", "failed")]
+    told = distributions([result(0.2), result(1.0), result(0.9), result(0.5, radius=1.01), *bad])
     assert told["uc"]["capture_substructure"]["worst"] == 0.2
     assert told["uc"]["capture_substructure"]["median"] == 0.9
-    assert (told["uc"]["runs"], told["uc"]["unstable"]) == (5, 2)
+    assert [told["uc"][name] for name in ("runs", "unstable", "limit", "failed")] == [9, 2, 3, 1]
     assert told["uc"]["spectral_radius"]["worst"] == 1.01
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -188,3 +189,36 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path, place: str) -
         BagWriter(tmp_path / place, metadata=STORY)
     assert "\n" not in str(caught.value)
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_index_that_is_kept_packed_is_the_one_of_the_library(tmp_path: Path, monkeypatch: Any) -> None:
+    def bag(name: str) -> bytes:
+        writer = BagWriter(tmp_path / name / "same", metadata=STORY, chunk_size=200)
+        for step in range(50):
+            write_command(writer, step, 10**9 + step * 5_000_000)
+        writer.close({"outcome": "finished"})
+        return (tmp_path / name / "same" / "same_0.mcap").read_bytes()
+
+    packed = bag("packed")
+    monkeypatch.setattr("bmd_rths_msgs_py.bag_writer._PackedChunkIndices", list)
+    assert bag("plain") == packed
+    with (tmp_path / "packed" / "same" / "same_0.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) > 10
+
+
+def test_memory_of_a_recording_grows_by_no_more_than_its_index(tmp_path: Path) -> None:
+    """A minute of a test has some 1200 chunks, for each of which the library would keep 1 kB."""
+    writer = BagWriter(tmp_path / "bag", metadata=STORY, chunk_size=0)  # a chunk a message
+    write_command(writer, 0, 10**9)
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for step in range(1, 1201):
+            write_command(writer, step, 10**9 + step)
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    writer.close({})
+    assert grown < 200_000

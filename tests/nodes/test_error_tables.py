@@ -29,6 +29,12 @@ def test_shipped_record_is_that_of_its_event():
     assert result(1.0, motion="other")["event"] is None
 
 
+def test_event_that_the_paper_does_not_have_is_shown_without_its_numbers(capsys):
+    """A resumed campaign.csv may name any."""
+    show_error_tables([{**result(5.0), "event": "Atlantis"}], paper=True, assumed=())
+    assert "Atlantis" in capsys.readouterr().out
+
+
 def test_other_compensators_have_columns_behind_those_of_the_paper(capsys):
     runs = [result(5.0, scheme="mpic", motion="el_centro_1940_ns"), result(20.0, motion="el_centro_1940_ns")]
     runs += [result(7.0, scheme="of_somebody_else", motion="el_centro_1940_ns")]

@@ -12,7 +12,15 @@ from bmd_rths_nodes.cli.options import output_folder, printable
 
 ROW = {
     **{"key": "k", "motion": "=1+1", "event": "@e", "file": "-f", "component": "'=c", "scheme": "uc", "variation": {}},
-    **{"stable": True, "outcome": "finished", "reason": "+r", "steps": 3, "tracking_delay_ms": 1.0, "engine": "x"},
+    **{
+        "stable": True,
+        "stability": "stable",
+        "outcome": "finished",
+        "reason": "+r",
+        "steps": 3,
+        "tracking_delay_ms": 1.0,
+        "engine": "x",
+    },
     "rmse_percent": {"substructure": -1.5, "control_layer": 2.5, "superstructure": None},
     "rmse_true_percent": {"substructure": 1.0, "control_layer": 2.5, "superstructure": None},
     "rmse_clean_percent": {"substructure": 1.0, "control_layer": 2.0, "superstructure": None},

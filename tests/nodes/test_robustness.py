@@ -26,7 +26,7 @@ def test_study_is_told_and_goes_on_where_it_was(run_main):
     assert told["capture_substructure"]["worst"] == pytest.approx(min(float(e["capture_substructure"]) for e in lines))
     status, output, _ = run_main(*few[:-1], "--plants", "2")
     assert status == 0
-    assert "uc, 0 of 2 unstable" in output
+    assert "uc, of 2 none unstable" in output
 
 
 def test_wrong_share_and_scheme_are_refused(run_main):

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.analysis.missing_rows import EVERY_STEP
 from bmd_rths_core.analysis.reference import nonlinear_reference_response, reference_responses
+from bmd_rths_core.analysis.whole_samples import filled
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
@@ -38,6 +40,12 @@ class RunMetrics:
     floor_rmse_percent: tuple[float, ...]
     tracking_delay_ms: float
     missing_values: int
+
+    def unknown(self) -> RunMetrics:
+        """Return the same of a record that lacks too much for errors and delay to be worth giving."""
+        nan = float("nan")
+        floors = (nan,) * len(self.floor_rmse_percent)
+        return RunMetrics(dict.fromkeys(self.rmse_percent, nan), floors, nan, self.missing_values)
 
 
 def rmse_percent(reference: FloatArray, response: FloatArray) -> float:
@@ -135,7 +143,7 @@ def compare(record: RunRecord, reference: FloatArray, lower: int) -> RunMetrics:
         measured = np.full((record.steps, upper), np.nan)
     floors = tuple(rmse_percent(reference[1:, lower + i], measured[:-1, i]) for i in range(upper))
     delay = tracking_delay(record.desired_acceleration[1:], record.table_acceleration[:-1], record.time_step)
-    missing = sum(int(np.isnan(signal).sum()) for name, signal in record.signals().items() if name in _EVERY_STEP)
+    missing = sum(int(np.isnan(signal).sum()) for name, signal in record.signals().items() if name in EVERY_STEP)
     return RunMetrics(
         rmse_percent={"substructure": at_interface, "control_layer": floors[0], "superstructure": floors[-1]},
         floor_rmse_percent=floors,
@@ -161,10 +169,10 @@ def reference_of(record: RunRecord, config: Config) -> FloatArray:
 
     Notes
     -----
-    With a feedback scale below 1 the loop is another building, whose upper part has that share of its mass, stiffness
-    and damping; the reference is that building.
+    Ground acceleration that is missing is bridged by straight lines. With a feedback scale below 1 the loop is another
+    building, whose upper part has that share of its mass, stiffness and damping; the reference is that building.
     """
-    return references_of([np.nan_to_num(record.ground_acceleration)], config)[0]
+    return references_of([filled(record.ground_acceleration)], config)[0]
 
 
 def references_of(
@@ -192,17 +200,3 @@ def references_of(
         return reference_responses(upper.stacked_on(lower), ground_accelerations, config.run.time_step)
     building = nonlinear_building(lower, config.nonlinear).below(upper)
     return [nonlinear_reference_response(building, g, config.run.time_step) for g in ground_accelerations]
-
-
-#: Signals that every step of a complete recording has; sensors a laboratory lacks are NaN by design.
-_EVERY_STEP = (
-    "ground_acceleration",
-    "desired_acceleration",
-    "required_force",
-    "command",
-    "applied_command",
-    "table_acceleration",
-    "floor_accelerations",
-    "interface_force",
-    "corrected_force",
-)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from bmd_rths_core.analysis.benchmark_criteria import BenchmarkCriteria, benchmark_criteria
 from bmd_rths_core.analysis.capture import UNKNOWN, captures, is_cheap
 from bmd_rths_core.analysis.metrics import RunMetrics, compare, reference_of
+from bmd_rths_core.analysis.missing_rows import NOTHING_TOLD, MissingRows, missing_rows
 from bmd_rths_core.analysis.numerical_motion import ductility, numerical_motion
 from bmd_rths_core.analysis.quality import RunQuality, run_quality
 from bmd_rths_core.analysis.table_peaks import TablePeaks, table_peaks, table_peaks_to_rest
 from bmd_rths_core.analysis.true_building import true_references_of
+from bmd_rths_core.analysis.whole_samples import filled
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
 
@@ -46,6 +48,8 @@ class RunAnalysis:
         The same with the way to rest, where that was recorded.
     ductility : tuple of float, optional
         Peak drift over yield drift of every numerical story; None when none can yield.
+    gaps : MissingRows
+        What is missing in the record, and what that may have changed.
     """
 
     record: RunRecord
@@ -58,6 +62,7 @@ class RunAnalysis:
     peaks: TablePeaks
     peaks_to_rest: TablePeaks
     ductility: tuple[float, ...] | None
+    gaps: MissingRows
 
     @property
     def told_criteria(self) -> dict[str, float | None]:
@@ -88,21 +93,44 @@ def analysed(record: RunRecord, capture: bool | None = None) -> RunAnalysis:
     """
     config = config_from_mapping(record.configuration)
     lower = len(config.numerical_substructure.masses)
+    # The simulated table and its noise are known, but not those of whatever else moved the table.
+    known = config.changed(table__controller=record.controller)
     reference = reference_of(record, config)
-    ground = np.nan_to_num(record.ground_acceleration)
-    (true_reference,) = true_references_of([ground], config, [reference])
-    wanted = record.outcome == "finished" and (is_cheap(config) if capture is None else capture)
-    follows = captures(config, [ground])[0] if wanted else UNKNOWN
+    ground = filled(record.ground_acceleration)
+    (true_reference,) = true_references_of([ground], known, [reference])
+    gaps = missing_rows(record, lambda with_gaps: _numbers(with_gaps, known)) if record.stable else NOTHING_TOLD
+    metrics, judged = compare(record, reference, lower), record
+    if gaps.too_many:
+        metrics, true_reference = metrics.unknown(), np.full_like(true_reference, np.nan)
+        judged = replace(record, table_acceleration=np.full(record.steps, np.nan))
+    wanted = record.outcome == "finished" and (is_cheap(known) if capture is None else capture)
+    follows = captures(known, [ground])[0] if wanted else UNKNOWN
     yields = config.nonlinear.story_model != "linear"
     return RunAnalysis(
         record,
         config,
         reference,
         true_reference,
-        compare(record, reference, lower),
-        run_quality(record, config, true_reference, follows),
+        metrics,
+        run_quality(judged, known, true_reference, follows),
         benchmark_criteria(record, reference, lower),
         table_peaks(record),
         table_peaks_to_rest(record),
         ductility(numerical_motion(record, config), config) if yields else None,
+        gaps,
     )
+
+
+def _numbers(record: RunRecord, config: Config) -> dict[str, float]:
+    """Return the numbers that gaps in a record change, by the names they are told under."""
+    reference = reference_of(record, config)
+    (true,) = true_references_of([filled(record.ground_acceleration)], config, [reference])
+    metrics = compare(record, reference, len(config.numerical_substructure.masses))
+    quality = run_quality(record, config, true)
+    errors = {"rmse_percent": metrics.rmse_percent, "rmse_true_percent": quality.rmse_true_percent}
+    return {
+        **{f"{name}.{place}": error for name, by_place in errors.items() for place, error in by_place.items()},
+        "tracking_delay_ms": metrics.tracking_delay_ms,
+        "tracking_error_percent": quality.tracking.error_percent,
+        "delay_ms": quality.tracking.delay_ms,
+    }

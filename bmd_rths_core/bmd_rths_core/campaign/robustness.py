@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -176,6 +177,10 @@ def identified_plant(config: Config, random: np.random.Generator) -> dict[str, o
     return {f"simulated_table.{name}": value for name, value in values.items()}
 
 
+#: Words of `RunRecord.stability` that are counted.
+BAD_ENDS = ("unstable", "limit", "failed")
+
+
 def distributions(results: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return what the plants made of every scheme.
 
@@ -187,7 +192,8 @@ def distributions(results: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, A
     Returns
     -------
     dict of str to dict
-        By scheme: ``runs``, ``unstable`` (a limit ended the run, or the spectral radius is 1 or more), and of every
+        By scheme: ``runs``, how many of them were ``unstable`` (the stability limit ended the run, or the spectral
+        radius is 1 or more), how many ended at another ``limit``, how many ``failed``, and of every
         measure ``mean``, ``median``, ``p95`` and ``worst`` over the runs that came to their end; None without any.
     """
     by_scheme: dict[str, list[Mapping[str, Any]]] = {}
@@ -197,7 +203,8 @@ def distributions(results: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, A
 
 
 def _distribution(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    stable = [run for run in runs if run["stable"] and (run["spectral_radius"] or 0.0) < 1.0]
+    words = Counter("unstable" if (run["spectral_radius"] or 0.0) >= 1.0 else run["stability"] for run in runs)
+    stable = [run for run in runs if run["stability"] == "stable" and (run["spectral_radius"] or 0.0) < 1.0]
     measures = {
         "substructure_percent": [run["rmse_true_percent"]["substructure"] for run in stable],
         "superstructure_clean_percent": [run["rmse_clean_percent"]["superstructure"] for run in stable],
@@ -207,7 +214,7 @@ def _distribution(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "peak_command": [run["peak_command"] for run in stable],
         "peak_displacement": [run["peak_displacement"] for run in stable],
     }
-    summary: dict[str, Any] = {"runs": len(runs), "unstable": len(runs) - len(stable)}
+    summary: dict[str, Any] = {"runs": len(runs), **{word: words[word] for word in BAD_ENDS}}
     for name, values in measures.items():
         summary[name] = _summary([value for value in values if value is not None], small="capture" in name)
     return summary

@@ -241,7 +241,7 @@ def result_of_run(
     Returns
     -------
     dict
-        Errors of an unstable run are None, and so is what cannot be computed.
+        Errors of a run that a limit ended are None, and so is what cannot be computed.
     """
     record, motion, peaks = run.record, piece.motions[plan.motion], table_peaks(run.record)
     return {

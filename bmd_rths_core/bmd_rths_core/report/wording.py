@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+
+import numpy as np
 
 from bmd_rths_core.analysis.assumptions import assumptions
 from bmd_rths_core.analysis.run_analysis import RunAnalysis
@@ -88,6 +91,21 @@ def results(analysis: RunAnalysis) -> str:
     return f"{sentence[0].upper()}{sentence[1:]}." if sentence else ""
 
 
+def changes_in_words(changes: Mapping[str, float]) -> str:
+    """Return what gaps may have changed, as one text.
+
+    Parameters
+    ----------
+    changes : Mapping of str to float
+        See `MissingRows`.
+    """
+    errors = [value for name, value in changes.items() if name.startswith("rmse_") and np.isfinite(value)]
+    delays = [changes[name] for name in ("tracking_delay_ms", "delay_ms") if np.isfinite(changes[name])]
+    points = f"an RMSE by {max(errors):.2g} points" if errors else ""
+    delay = f"the delay by {max(delays):.2g} ms" if delays else ""
+    return " and ".join(text for text in (points, delay) if text) or "what is given by an amount that is not known"
+
+
 def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
     """Return the problems of a test, a sentence each.
 
@@ -113,6 +131,12 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
             f"{analysis.metrics.missing_values} values were not recorded. They are left out of the errors; in spectra, "
             "energies and hysteresis straight lines bridge them."
         )
+        if analysis.gaps.too_many:
+            found.append(
+                f"Errors and delay are not given: a signal lacks {100.0 * analysis.gaps.share:.1f} % of its steps."
+            )
+        elif analysis.gaps.changes:
+            found.append(f"What is missing may have changed {changes_in_words(analysis.gaps.changes)}.")
     timing = record.timing
     if timing is not None and timing.missed_deadlines:
         led = "" if record.stable else " This may have led to the limit."
@@ -135,6 +159,8 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
 def assumption(analysis: RunAnalysis) -> str:
     """Return what table the results come from, and what is assumed of it."""
     table, controller = analysis.config.table, analysis.record.controller
+    if controller == "unknown" and analysis.record.outcome == "cut":
+        return "What moved the table is not known: the recording has no end."
     if controller == "unknown":
         return "The table was moved by a driver of somebody else, which did not tell what it is."
     address = f", {table.address}" if controller == table.controller else ""

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.error_tables import show_error_tables
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
@@ -36,7 +36,7 @@ _WORTH_A_PROCESS = 64
 
 
 @click.command(epilog="Example: bmd-rths campaign --motions records --vary force_correction.gain=0.3,0.5,0.7")
-@configured(default="simplified_bmd")
+@configured(*RECORD_OPTIONS, default="simplified_bmd")
 @click.option(
     "--motions",
     "source",
@@ -123,13 +123,21 @@ def campaign(
     from bmd_rths_core.campaign.motions import read_motions
     from bmd_rths_core.campaign.paper_tables import changes_the_system, is_paper_system
     from bmd_rths_core.campaign.study import Study
+    from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY
     from bmd_rths_nodes.campaign.pool import CampaignStopped
     from bmd_rths_nodes.campaign.results import CampaignResults
 
     config = choice.resolve().changed(table__controller="simulated")
     vary = dict(_variation(text) for text in variations)
     names = scheme_names(schemes)
-    found = read_motions(source)
+    said = dataclasses.replace(
+        config.ground_motion,
+        component=choice.component or ONLY,
+        unit=choice.unit or FROM_FILE,
+        record_time_step=choice.dt or 0.0,
+        columns=choice.columns or FROM_FILE,
+    )
+    found = read_motions(source, said)
     for file, problem in found.left_out.items():
         log(f"left out: {file}: {problem}")
     study = (_study_on_ros if on_ros else Study)(config, found.motions, names, vary, capture=capture)

@@ -223,9 +223,10 @@ def _table(name: str, paper: bool, headings: Sequence[str]) -> Table:
 
 
 def _of_paper(row: _Row, name: str, scheme: str, paper: bool) -> str:
-    if not (paper and row.event and scheme in SCHEME_NAMES):
+    told = PAPER_TABLES[name].get(row.event or "")  # a campaign.csv of somebody else may name any event
+    if not paper or told is None or scheme not in SCHEME_NAMES:
         return ""
-    value = PAPER_TABLES[name][row.event][scheme]
+    value = told[scheme]
     return " (unstable)" if value is None else f" ({value:.2f})"
 
 

@@ -33,14 +33,14 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
     dict
         The object of ``--json``. Errors of a run that a limit ended are None.
     """
-    from bmd_rths_core.analysis.assumptions import assumptions
     from bmd_rths_core.analysis.quality import told_quality
+    from bmd_rths_core.report.wording import assumption
 
     record, metrics = analysis.record, analysis.metrics
     result = {
         "scheme": record.configuration["run"]["scheme"],
         "table": record.controller,
-        "assumptions": assumptions(analysis.config, record.controller),
+        "assumptions": assumption(analysis) if record.controller in ("simulated", "unknown") else "",
         "motion": record.motion["name"],
         "steps": record.steps,
         "duration_s": record.steps * record.time_step,
@@ -57,6 +57,8 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         "table_peaks_to_rest": analysis.peaks_to_rest._asdict(),
         "way_to_rest_steps": 0 if record.way_to_rest is None else record.way_to_rest.steps,
         "missing_values": metrics.missing_values,
+        "missing_share": analysis.gaps.share,
+        "may_have_changed": dict(analysis.gaps.changes) or None,
     }
     if analysis.ductility is not None:
         result["ductility"] = list(analysis.ductility)
@@ -109,7 +111,7 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     extent = f" ({result['duration_s']:g} s, not the whole ground motion; every number holds for that alone)"
     table.add_row("steps", f"{result['steps']}{'' if result['outcome'] == 'finished' else extent}")
     if result["missing_values"]:
-        table.add_row("values not recorded", str(result["missing_values"]))
+        table.add_row("values not recorded", _missing(result))
     if "closure_ms" in result:
         closure = ", ".join(f"{name} {_number(value, 'ms')}" for name, value in result["closure_ms"].items())
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
@@ -150,6 +152,20 @@ def _table_peaks(peaks: dict[str, float | None]) -> str:
     return ", ".join(
         _number(None if (value := peaks[name]) is None else scale * value, unit) for name, scale, unit in parts
     )
+
+
+def _missing(result: dict[str, Any]) -> str:
+    """Return what is missing, and what that means for the numbers."""
+    from bmd_rths_core.analysis.missing_rows import LARGEST_SHARE
+    from bmd_rths_core.report.wording import changes_in_words
+
+    if result["missing_share"] > LARGEST_SHARE:
+        share = 100.0 * result["missing_share"]
+        return f"{result['missing_values']}; a signal lacks {share:.1f} % of its steps: errors and delay are not given"
+    if result["may_have_changed"] is None:
+        return str(result["missing_values"])
+    changes = {name: math.nan if value is None else value for name, value in result["may_have_changed"].items()}
+    return f"{result['missing_values']}; they may have changed {changes_in_words(changes)}"
 
 
 def _number(value: float | None, unit: str) -> str:

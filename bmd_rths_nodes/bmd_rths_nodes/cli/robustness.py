@@ -69,7 +69,7 @@ def robustness(
         columns=asked.columns,
         high_pass=filtered,
     )
-    motion = CampaignMotion(asked.record, asked.component, asked.unit, read)
+    motion = CampaignMotion(asked.record, asked.component, asked.unit, read, asked.record_time_step, asked.columns)
     study = RobustnessStudy(config, [motion], names, plants, share, seed, identified=identified_deviations)
     check_writable(output)
     with contextlib.closing(CampaignResults(output)) as results:
@@ -106,10 +106,13 @@ def _show(told: dict[str, dict[str, Any]], title: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from bmd_rths_core.campaign.robustness import BAD_ENDS
+
     table = Table(title=f"{title}; median, p95, worst", title_justify="left", title_style="bold")
     table.add_column("")
     for scheme, summary in told.items():
-        table.add_column(f"{scheme}, {summary['unstable']} of {summary['runs']} unstable", justify="right")
+        ends = [f"{summary[word]} {word}" for word in BAD_ENDS if summary[word]] or ["none unstable"]
+        table.add_column(f"{scheme}, of {summary['runs']} {', '.join(ends)}", justify="right")
     for name, (label, digits) in _COLUMNS.items():
         table.add_row(label, *(_cell(summary[name], digits) for summary in told.values()))
     Console(soft_wrap=True).print(table)
