@@ -14,6 +14,7 @@ from bmd_rths_core import RthsLoop, load_config, select_ground_motion
 from bmd_rths_core.analysis.supervised_peaks import largest_increment
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.states import NodeState
+from bmd_rths_core.record import TimingStatistics
 from bmd_rths_msgs_py.bag_follower import BagFollower
 from bmd_rths_msgs_py.growing_run import GrowingRun, Told
 from bmd_rths_msgs_py.node_status import NodeStatus
@@ -339,6 +340,16 @@ RUNNING = told("numerical_substructure", "running", after=5)
 
 def test_banner_says_how_a_test_has_ended(run):
     assert said(run, RUNNING) == ("STOPPED", "by hand", "care")
+
+
+@pytest.mark.parametrize(("missed", "late_ticks", "colour"), [(6, 0, "good"), (7, 0, "care"), (0, 7, "care")])
+def test_a_finished_test_that_did_not_keep_real_time_is_not_green(run, missed, late_ticks, colour):
+    """One step in a hundred may be late, of the 600 of this run."""
+    run.outcome, run.reason = "finished", "end of the ground motion"
+    run.timing = TimingStatistics(missed, 1, (), late_ticks, {})
+    word, sentence, found = said(run, RUNNING)
+    assert (word, found) == ("FINISHED", colour)
+    assert ("not in real time: 7 of" in sentence) == (colour == "care")
 
 
 def test_banner_of_a_test_that_is_under_way(run):

@@ -100,8 +100,11 @@ class LimitWatch:
             return
         part = slice(begin, steps)
         displacement, command = signals["table_displacement"], signals["command"]
-        applied = np.where(np.isfinite(signals["applied_command"]), signals["applied_command"], command)
-        before = np.append(0.0, applied)[part]
+        earlier = slice(max(begin - 1, 0), steps - 1)
+        applied = signals["applied_command"][earlier]
+        before = np.where(np.isfinite(applied), applied, command[earlier])
+        if begin == 0:  # from rest
+            before = np.append(0.0, before)
         # The velocity of a step needs the displacement of the one after it: that of the step before `begin` is due now.
         first = max(begin - 2, 0)
         velocity = (displacement[first + 2 : steps] - displacement[first : steps - 2]) / (2.0 * self._time_step)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from bmd_rths_core.loop.states import NodeState
+from bmd_rths_core.record import LARGEST_LATE_SHARE
 from bmd_rths_msgs_py.growing_run import GrowingRun
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE
 
@@ -58,6 +59,8 @@ def banner(run: GrowingRun, snapshot: Mapping[str, Any], used: Mapping[str, floa
     silence = now - run.last_heard
     if run.outcome:
         word, colour = _OUTCOMES.get(run.outcome, (run.outcome.upper(), ALARM))
+        if colour == GOOD and (late := _late_steps(run)):
+            return Banner(word, f"{run.reason}; not in real time: {late} of {run.shown_steps} steps were late", CARE)
         return Banner(word, run.reason, colour)
     if silence > CUT:
         return Banner("CUT", f"the recording has no end; it holds {run.shown_steps} steps", ALARM)
@@ -81,6 +84,12 @@ def banner(run: GrowingRun, snapshot: Mapping[str, Any], used: Mapping[str, floa
     if state == NodeState.READY:
         return Banner("READY", "the test begins", CARE)
     return Banner("STARTING", "the nodes find each other", QUIET)
+
+
+def _late_steps(run: GrowingRun) -> int:
+    """Return how many steps were late where that is more than a test may have that kept real time; otherwise 0."""
+    late = 0 if run.timing is None else max(run.timing.missed_deadlines, run.timing.late_ticks)
+    return late if late > LARGEST_LATE_SHARE * run.shown_steps else 0
 
 
 def looking_back(now: Banner, live: bool, time: float) -> Banner:

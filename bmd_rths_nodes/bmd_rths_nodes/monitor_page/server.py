@@ -26,6 +26,9 @@ TOKEN_HEADER = "X-Bmd-Rths-Token"
 #: Time between two looks at the bags [s]; the recorder of `run --monitor` writes as often.
 LOOK_PERIOD = 0.05
 
+#: Time between two looks for new bags, for Foxglove; a page asks itself [s].
+BAGS_PERIOD = 0.5
+
 #: What the page may ask of the table. A reset is not one of them: who resets a table stands beside it.
 STOP, EMERGENCY_STOP = "stop", "emergency_stop"
 
@@ -124,11 +127,15 @@ class MonitorServer:
         def look() -> None:
             more = self.recordings.look()
             if self.relay is not None:
-                if (newest := self.recordings.newest()) is not None:
-                    self.relay.follow(newest)
                 self.relay.look()
             loop.call_later(0.0 if more else LOOK_PERIOD, look)
 
+        def look_for_bags() -> None:
+            if self.relay is not None and (newest := self.recordings.newest()) is not None:
+                self.relay.follow(newest)
+            loop.call_later(BAGS_PERIOD, look_for_bags)
+
+        look_for_bags()
         look()
 
     def stop(self) -> None:
