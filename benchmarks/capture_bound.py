@@ -10,11 +10,13 @@ wants h = z; noise wants F = 0. For every weight of the two
 
 is a least-squares problem in the impulse response of F, solved here for the changes that capture is defined with, over
 all records together. So a point of the front is a bound: no linear, causal, time-invariant compensator with these
-sensors and this memory has less noise with as small a distortion ‖z − F r‖, and least of all one that does not know the
+sensors has less noise with as small a distortion ‖z − F r‖, and least of all one that does not know the
 records. The highest floor moves with the changed specimen by itself; there z is only what the motion of the interface
 has to add.
 
-The response of F is limited to `MEMORY`. A longer one would lower the bound by less than what is printed.
+F is sought among the sums of `TAPS` delays and of resonances at the frequencies of the building, with its own damping
+and with those of `DAMPING`. A larger space would lower the bound by what more of them lower it: less than the digits
+that are printed.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 from bmd_rths_core.analysis.capture import CHANGE
 from bmd_rths_core.analysis.reference import reference_responses
@@ -35,8 +37,10 @@ from bmd_rths_core.loop.linear_loop import sensor_noise
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
-#: Length of the impulse responses [s].
-MEMORY = 2.0
+#: Delays of every sensor [steps], and damping ratios of the further resonances.
+TAPS, DAMPING = 24, (0.02, 0.06, 0.2, 0.6)
+#: Length of the responses that the noise is computed from [steps].
+LENGTH = 12000
 #: Weights of the distortion, relative to the mean power of what a change of the specimen does to a sensor.
 WEIGHTS = tuple(np.geomspace(1e-2, 1e5, 12).tolist())
 
@@ -104,6 +108,25 @@ def changes(config: Config, ground: np.ndarray) -> Changes:
     return Changes((answers[1] - answers[0])[:-1] / noise, wanted, whole)
 
 
+def resonances(config: Config) -> np.ndarray:
+    """Return the poles that F may have, one of each pair: those of the true building, with several dampings."""
+    building = config.simulated_table.specimen(config.specimen.building())
+    modes = building.stacked_on(config.numerical_substructure.building()).modes()
+    pairs = [(w, z) for w, own in zip(*modes[:2], strict=True) for z in (own, *DAMPING)]
+    return np.array([np.exp(config.run.time_step * w * (-z + 1j * np.sqrt(1.0 - z**2))) for w, z in pairs])
+
+
+def filtered(signals: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    """Return every signal through every delay and resonance, those of the first signal first."""
+    columns = []
+    for signal in signals.T:
+        columns += [np.concatenate((np.zeros(delay), signal[: len(signal) - delay])) for delay in range(TAPS)]
+        for pole in poles:
+            resonance = lfilter([1.0], [1.0, -pole], signal)
+            columns += [resonance.real, resonance.imag]
+    return np.column_stack(columns)
+
+
 def front(config: Config, grounds: list[np.ndarray]) -> tuple[list[FrontPoint], list[FrontPoint]]:
     """Return the fronts of interface and highest floor, those with the least noise first.
 
@@ -114,39 +137,38 @@ def front(config: Config, grounds: list[np.ndarray]) -> tuple[list[FrontPoint], 
     grounds : list of ndarray
         a_g at the steps of every record [m/s²].
     """
-    taps, known = round(MEMORY / config.run.time_step), [changes(config, ground) for ground in grounds]
+    known = [changes(config, ground) for ground in grounds]
+    poles = resonances(config)
+    impulse = np.zeros((LENGTH, 1))
+    impulse[0] = 1.0
+    responses = filtered(impulse, poles)
+    scales = np.linalg.norm(responses, axis=0)
+    of_noise = (responses / scales).T @ (responses / scales)
     sensors = known[0].sensors.shape[1]
-    normal = np.zeros((taps * sensors, taps * sensors))
-    right, power, whole, free = np.zeros((taps * sensors, 2)), np.zeros(2), np.zeros(2), np.zeros(2)
-    crossed = np.zeros((taps * sensors, 2))
+    scales = np.tile(scales, sensors)
+    size = len(scales)
+    normal, right, crossed = np.zeros((size, size)), np.zeros((size, 2)), np.zeros((size, 2))
+    power, whole, free = np.zeros(2), np.zeros(2), np.zeros(2)
     for own in known:
         # Every record counts alike, whatever its strength is.
         scale = 1.0 / np.sqrt(np.sum(own.whole**2, axis=0).mean())
-        length = 1 << (2 * len(own.sensors)).bit_length()
-        r, z, all_of = (np.fft.rfft(scale * signal, length, axis=0) for signal in own)
-        for p in range(sensors):
-            rows = slice(p * taps, (p + 1) * taps)
-            for q in range(p, sensors):
-                lags = np.fft.irfft(r[:, p].conj() * r[:, q], length)
-                block = toeplitz(lags[:taps], np.concatenate((lags[:1], lags[:-taps:-1])))
-                columns = slice(q * taps, (q + 1) * taps)
-                normal[rows, columns] += block
-                if q > p:
-                    normal[columns, rows] += block.T
-            right[rows] += np.fft.irfft(r[:, p, None].conj() * z, length, axis=0)[:taps]
-            crossed[rows] += np.fft.irfft(r[:, p, None].conj() * all_of, length, axis=0)[:taps]
+        regressors = scale * filtered(own.sensors, poles) / scales
+        normal += regressors.T @ regressors
+        right += regressors.T @ (scale * own.wanted)
+        crossed += regressors.T @ (scale * own.whole)
         power += np.sum((scale * own.wanted) ** 2, axis=0)
         whole += np.sum((scale * own.whole) ** 2, axis=0)
         free += np.sum(scale**2 * (own.whole - own.wanted) * own.whole, axis=0)
+    noise_power = np.kron(np.eye(sensors), of_noise) + 1e-9 * np.eye(size)
     fronts: tuple[list[FrontPoint], list[FrontPoint]] = ([], [])
-    strength = np.trace(normal) / len(normal)
+    strength = np.trace(normal) / size
     for weight in WEIGHTS:
         share = weight / strength
-        taken = np.linalg.solve(share * normal + np.eye(len(normal)), share * right)
+        taken = np.linalg.solve(share * normal + noise_power, share * right)
         left = power - 2.0 * np.sum(taken * right, axis=0) + np.sum(taken * (normal @ taken), axis=0)
         shares = (free + np.sum(taken * crossed, axis=0)) / whole
         for i in range(2):
-            noise = float(np.linalg.norm(taken[:, i]))
+            noise = float(np.sqrt(taken[:, i] @ noise_power @ taken[:, i]))
             fronts[i].append(FrontPoint(noise, float(np.sqrt(max(0.0, left[i]) / whole[i])), float(shares[i])))
     return fronts
 
