@@ -152,11 +152,7 @@ def _building(section: BuildingConfig, building: LinearBuilding) -> dict[str, An
     if section.matrices != NO_FILE:
         given_by = section.matrices
     return {
-        "given_by": section.matrices
-        if section.matrices != NO_FILE
-        else "matrices"
-        if section.stiffness_matrix
-        else "stories",
+        "given_by": given_by,
         "floors": building.stories,
         "mass_kg": building.total_mass,
         "floor_masses_kg": list(building.masses),
