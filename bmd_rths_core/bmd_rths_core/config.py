@@ -27,6 +27,7 @@ from bmd_rths_core.stages.shear_estimator import ShearEstimatorConfig
 from bmd_rths_core.structure.config import NO_FILE
 from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, elastic_building
+from bmd_rths_core.table.calibration import SensorsConfig
 from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.emulated.config import VirtualControllerConfig
 from bmd_rths_core.table.models.identified import IdentifiedModelConfig
@@ -136,8 +137,8 @@ class Config:
     Parameters
     ----------
     run, rig, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table,
-    simulated_table, virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder,
-    verdict
+    simulated_table, sensors, virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction,
+    recorder, verdict
         See the section classes.
     compensation : tuple
         The sections of the other compensators, as the registry finds them; in a file they stand beside the others.
@@ -153,6 +154,7 @@ class Config:
     safety: SafetyConfig = dataclasses.field(default_factory=SafetyConfig)
     table: TableConfig = dataclasses.field(default_factory=TableConfig)
     simulated_table: SimulatedTableConfig = dataclasses.field(default_factory=SimulatedTableConfig)
+    sensors: SensorsConfig = dataclasses.field(default_factory=SensorsConfig)
     virtual_controller: VirtualControllerConfig = dataclasses.field(default_factory=VirtualControllerConfig)
     servo_hydraulic: ServoHydraulicConfig = dataclasses.field(default_factory=ServoHydraulicConfig)
     identified_model: IdentifiedModelConfig = dataclasses.field(default_factory=IdentifiedModelConfig)
@@ -166,6 +168,7 @@ class Config:
 
     def __post_init__(self) -> None:
         """Check what several sections have to agree on: time steps, capacity, and the stability of the integration."""
+        self.sensors.refuse_other_floors(len(self.specimen.masses))
         self.rig.refuse_beyond({"safety": self.safety, "virtual_controller": self.virtual_controller})
         if self.safety.stuck_time < self.run.time_step:
             raise InputError(

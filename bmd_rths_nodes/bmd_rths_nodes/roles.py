@@ -66,7 +66,7 @@ def module_of(executable: str) -> str:
 LOOP = (
     Role(NUMERICAL_SUBSTRUCTURE, ("run", "ground_motion", "numerical_substructure", "nonlinear", "safety")),
     Role(COMMAND_SHAPER, ("run", "command_shaper")),
-    Role(TABLE_DRIVER, ("run", "rig", "safety", "table", "simulated_table", "specimen")),
+    Role(TABLE_DRIVER, ("run", "rig", "safety", "table", "simulated_table", "sensors", "specimen")),
     Role(SHEAR_ESTIMATOR, ("run", "shear_estimator", "specimen")),
     Role(FORCE_CORRECTION, ("run", "force_correction")),
 )

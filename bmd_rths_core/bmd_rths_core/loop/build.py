@@ -18,6 +18,7 @@ from bmd_rths_core.stages.force_correction import ForceCorrection
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import ShearEstimator
+from bmd_rths_core.table.calibration import Calibration
 from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.emulated.faults import Faults
 from bmd_rths_core.table.emulated.virtual_controller import VirtualController
@@ -26,6 +27,17 @@ from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable, refu
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
+
+
+def make_calibration(config: Config) -> Calibration:
+    """Return the calibration of the sensors.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    return Calibration(config.sensors, len(config.specimen.masses))
 
 
 def make_numerical_substructure(config: Config) -> NumericalSubstructure | NonlinearSubstructure:

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from bmd_rths_core.ground_motion.motion import GroundMotion
 
 
+#: Width of the table where there is no terminal.
+_WIDTH = 160
+
+
 @click.command(epilog="Example: bmd-rths check config/simplified_bmd.yaml --json")
 @configured("scheme", "motion", *RECORD_OPTIONS, "table")
 @click.option("--predict/--no-predict", default=True, help="Predict the peaks of the test, by a run in process.")
@@ -64,7 +68,9 @@ def _show(told: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(soft_wrap=True)
+    console = Console()
+    if not console.is_terminal:  # a pipe keeps long lines
+        console = Console(width=_WIDTH)
     table = Table(show_header=False, box=None, pad_edge=False)
     for name in ("numerical_substructure", "specimen"):
         found = told[name]

@@ -11,6 +11,7 @@ import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from bmd_rths_nodes.cli import preflight
+from bmd_rths_nodes.cli.commission import age_in_words
 from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
@@ -88,6 +89,8 @@ def run(
             if prediction is not None:
                 log(preflight.in_words(resolved, prediction))
             preflight.tell_motion(resolved, ran)
+            if resolved.table.controller != "simulated":
+                log(age_in_words(choice.config))
             try:
                 bag = _run(resolved, motion.steps, COMPOSED_PROCESSES if composed else PROCESSES, monitor, page)
             except RunFailed as error:
