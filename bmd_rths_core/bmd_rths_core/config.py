@@ -24,7 +24,10 @@ from bmd_rths_core.stages.force_correction import ForceCorrectionConfig
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureConfig
 from bmd_rths_core.stages.shear_estimator import ShearEstimatorConfig
-from bmd_rths_core.structure.nonlinear_building import NonlinearConfig
+from bmd_rths_core.structure.config import NO_FILE
+from bmd_rths_core.structure.linear_building import LinearBuilding
+from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, elastic_building
+from bmd_rths_core.table.calibration import SensorsConfig
 from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.emulated.config import VirtualControllerConfig
 from bmd_rths_core.table.models.identified import IdentifiedModelConfig
@@ -33,6 +36,9 @@ from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
 from bmd_rths_core.table.rig import RigConfig
 from bmd_rths_core.verdict_bands import VerdictConfig
+
+#: A time step of so many seconds looks like a rate in Hz.
+_LEAST_RATE = 10.0
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,12 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         """Check the values; a time step is a whole number of nanoseconds, because message stamps are."""
+        if self.time_step >= _LEAST_RATE:
+            step = f"{1.0 / self.time_step:g} s"
+            raise InputError(
+                f"run.time_step: {self.time_step:g} s is not allowed; >= 0.0001 s and <= 0.1 s is required "
+                f"({self.time_step:g} Hz, if that is meant, are {step})"
+            )
         check_parameters(self)
         nanoseconds = self.time_step * 1e9
         if abs(nanoseconds - round(nanoseconds)) > 1e-3:
@@ -156,8 +168,8 @@ class Config:
     Parameters
     ----------
     run, rig, ground_motion, numerical_substructure, nonlinear, specimen, command_shaper, safety, table,
-    simulated_table, virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction, recorder,
-    real_time, verdict
+    simulated_table, sensors, virtual_controller, servo_hydraulic, identified_model, shear_estimator, force_correction,
+    recorder, real_time, verdict
         See the section classes.
     compensation : tuple
         The sections of the other compensators, as the registry finds them; in a file they stand beside the others.
@@ -173,6 +185,7 @@ class Config:
     safety: SafetyConfig = dataclasses.field(default_factory=SafetyConfig)
     table: TableConfig = dataclasses.field(default_factory=TableConfig)
     simulated_table: SimulatedTableConfig = dataclasses.field(default_factory=SimulatedTableConfig)
+    sensors: SensorsConfig = dataclasses.field(default_factory=SensorsConfig)
     virtual_controller: VirtualControllerConfig = dataclasses.field(default_factory=VirtualControllerConfig)
     servo_hydraulic: ServoHydraulicConfig = dataclasses.field(default_factory=ServoHydraulicConfig)
     identified_model: IdentifiedModelConfig = dataclasses.field(default_factory=IdentifiedModelConfig)
@@ -187,6 +200,7 @@ class Config:
 
     def __post_init__(self) -> None:
         """Check what several sections have to agree on: time steps, capacity, and the stability of the integration."""
+        self.sensors.refuse_other_floors(len(self.specimen.masses))
         self.rig.refuse_beyond({"safety": self.safety, "virtual_controller": self.virtual_controller})
         if self.safety.stuck_time < self.run.time_step:
             raise InputError(
@@ -198,8 +212,22 @@ class Config:
                 "simulated_table.softening_factor: a specimen that softens over a numerical substructure that is not "
                 "linear has no reference; 1 or nonlinear.story_model linear is required"
             )
+        if "coefficients" not in (self.numerical_substructure.damping, self.nonlinear.damping):
+            raise InputError(
+                f"nonlinear.damping: {self.nonlinear.damping}, beside numerical_substructure.damping "
+                f"{self.numerical_substructure.damping}; one of the two has to be coefficients"
+            )
         if self.nonlinear.integration != "exact":
             NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.run.time_step)
+        else:
+            self.elastic_substructure()
+
+    def elastic_substructure(self) -> LinearBuilding:
+        """Return the numerical substructure for small motion about rest, with all that `nonlinear` adds to it.
+
+        Where stories are linear it is the whole of it.
+        """
+        return elastic_building(self.numerical_substructure.building(), self.nonlinear)
 
     @property
     def compensator(self) -> Compensator:
@@ -361,6 +389,26 @@ def load_config(path: str | Path) -> Config:
     return _named(path, _read_sections(path))
 
 
+#: Parameters that are paths of files beside a configuration.
+BESIDE = (
+    ("specimen", "matrices"),
+    ("numerical_substructure", "matrices"),
+    ("simulated_table", "frequency_response"),
+)
+
+
+def _found_beside(path: str | Path, mapping: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a configuration whose files that lie beside it are told by their whole path."""
+    found = dict(mapping)
+    for section, key in BESIDE:
+        values = found.get(section)
+        name = values.get(key) if isinstance(values, Mapping) else None
+        if isinstance(values, Mapping) and isinstance(name, str) and name not in ("", NO_FILE):
+            beside = Path(path).absolute().parent / name
+            found[section] = {**values, key: str(beside if beside.is_file() else Path(name).absolute())}
+    return found
+
+
 def dump_config(config: Config) -> str:
     """Return the configuration as the text of a file that `load_config` and ROS read.
 
@@ -399,7 +447,7 @@ def _read_sections(path: str | Path) -> Mapping[str, Any]:
         ) from None
     if not isinstance(parameters, Mapping):
         raise InputError(f"{path}: 'ros__parameters:' holds {_short(parameters)}; sections are required")
-    return parameters
+    return _found_beside(path, parameters)
 
 
 def _short(value: object) -> str:

@@ -6,7 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from bmd_rths_core.parameters import build_section
+from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureConfig
+from bmd_rths_core.structure.config import MATRICES, NO_FILE, STORIES
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
+from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.specimen import SpecimenConfig
 from bmd_rths_core.table.rig import RigConfig
 
 Sections = dict[str, Any]
@@ -35,7 +39,20 @@ def completed(mapping: Mapping[str, Any]) -> Sections:
         given = sections.get(section, {})
         if values and isinstance(given, Mapping):
             sections[section] = {**values, **given}
+    _mode_of_the_stories(sections)
     return sections
+
+
+def _mode_of_the_stories(sections: Sections) -> None:
+    """Let the identified mode of another specimen than that of the paper be that of its stories."""
+    given, paper = sections.get(SpecimenConfig.SECTION), SpecimenConfig()
+    if not isinstance(given, Mapping):
+        return
+    stories = [key for key in STORIES[:2] if isinstance(given.get(key), (list, tuple))]
+    by_matrices = given.get("matrices", NO_FILE) != NO_FILE or bool(given.get("stiffness_matrix"))
+    if by_matrices or any(list(given[key]) != list(getattr(paper, key)) for key in stories):
+        mode = {"identified_frequency": 0.0, "identified_damping_ratio": 0.0}
+        sections[SpecimenConfig.SECTION] = {**mode, **given}
 
 
 def released(whole: Mapping[str, Any], given: Mapping[str, Any], defaults: Mapping[str, Any]) -> Sections:
@@ -64,7 +81,25 @@ def released(whole: Mapping[str, Any], given: Mapping[str, Any], defaults: Mappi
                 followed = before[section].get(key, defaults[section][key])
                 if sections[section][key] == followed:
                     del sections[section][key]
+    for section in (NumericalSubstructureConfig.SECTION, SpecimenConfig.SECTION):
+        changed = given.get(section)
+        if isinstance(changed, Mapping):
+            for key in _of_another_building(changed):
+                if key not in changed:
+                    del sections[section][key]
+    table = given.get(SimulatedTableConfig.SECTION)
+    if isinstance(table, Mapping) and "frequency_response" in table:
+        for key in ("sections", "command_delay", "fit_error"):
+            if key not in table:
+                del sections[SimulatedTableConfig.SECTION][key]
     return sections
+
+
+def _of_another_building(changed: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what belongs to the building that another file of matrices, or other stories, take the place of."""
+    if "matrices" in changed:
+        return (*MATRICES, *STORIES)
+    return ("matrices", *MATRICES) if "stiffnesses" in changed else ()
 
 
 def _of_rig(mapping: Mapping[str, Any]) -> dict[str, dict[str, float]]:

@@ -262,6 +262,8 @@ def _number(name: str, value: object, spec: ParameterSpec) -> float:
         hint = ""
         if isinstance(value, str) and _is_number(value):
             hint = f" (YAML reads {value} as text: write it as {float(value):.6e})"
+        elif isinstance(value, str) and value.count(",") == 1 and _is_number(value.replace(",", ".")):
+            hint = f" (a decimal point, not a comma, is required: {value.replace(',', '.')})"
         raise InputError(f"{name}: {_short(value)} is not a number{hint}; {spec.allowed()} is required")
     try:
         return float(value)

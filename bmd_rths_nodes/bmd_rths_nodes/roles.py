@@ -68,7 +68,7 @@ LOOP = (
         NUMERICAL_SUBSTRUCTURE, ("run", "real_time", "ground_motion", "numerical_substructure", "nonlinear", "safety")
     ),
     Role(COMMAND_SHAPER, ("run", "real_time", "command_shaper")),
-    Role(TABLE_DRIVER, ("run", "real_time", "rig", "safety", "table", "simulated_table", "specimen")),
+    Role(TABLE_DRIVER, ("run", "real_time", "rig", "safety", "table", "simulated_table", "sensors", "specimen")),
     Role(SHEAR_ESTIMATOR, ("run", "real_time", "shear_estimator", "specimen")),
     Role(FORCE_CORRECTION, ("run", "real_time", "force_correction")),
 )

@@ -158,8 +158,8 @@ def configured(model="bilinear", **changes):
     [
         (
             {"nonlinear__story_model": "bilinear"},
-            "nonlinear.integration: exact is for story_model linear, damping coefficients and no gravity_loads; "
-            "here one of cr, kr_alpha, newmark_explicit is required",
+            "nonlinear.integration: exact is for story_model linear; for bilinear one of cr, kr_alpha, "
+            "newmark_explicit is required",
         ),
         (
             {

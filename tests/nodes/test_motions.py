@@ -91,3 +91,20 @@ def test_folder_without_ground_motions_is_told_in_words(run_main, tmp_path):
     (tmp_path / "records").mkdir()
     status, output, _ = run_main("motions", tmp_path / "records")
     assert (status, output) == (0, f"no ground motion was found in {tmp_path / 'records'}\n")
+
+
+def test_motions_tells_how_a_configuration_runs_them(run_main, tmp_path):
+    """A record of 2 m/s² in steps of 0.01 s is scaled by a half; one whose steps do not divide cannot be run."""
+    (tmp_path / "records").mkdir()
+    for name, step in (("good", 0.01), ("odd", 0.0073)):
+        rows = [f"{k * step:.6f},{2.0 * (-1) ** k:.3f}" for k in range(200)]
+        (tmp_path / "records" / f"{name}.csv").write_text("\n".join(["time [s],acceleration [m/s2]", *rows]) + "\n")
+    status, output, errors = run_main("motions", tmp_path / "records", "--as-run", CONFIG, "--json")
+    assert status == 0, errors
+    good, odd = json.loads(output)["records"]
+    assert good["scale_factor"] == pytest.approx(0.5, rel=0.2)
+    assert good["as_run_pga_m_s2"] == 1.0
+    assert good["as_run_pgd_m"] > 0.0
+    assert odd["scale_factor"] is None
+    _, output, _ = run_main("motions", tmp_path / "records", "--as-run", CONFIG)
+    assert "PGD run [m]" in output

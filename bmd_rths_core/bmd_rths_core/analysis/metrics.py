@@ -13,8 +13,8 @@ from bmd_rths_core.analysis.reference import nonlinear_reference_response, refer
 from bmd_rths_core.analysis.whole_samples import filled
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import RunRecord
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
-from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -176,7 +176,7 @@ def reference_of(record: RunRecord, config: Config) -> FloatArray:
 
 
 def references_of(
-    ground_accelerations: Sequence[FloatArray], config: Config, specimen: ShearBuilding | None = None
+    ground_accelerations: Sequence[FloatArray], config: Config, specimen: LinearBuilding | None = None
 ) -> list[FloatArray]:
     """Return the reference responses of a configuration to some ground motions.
 
@@ -186,7 +186,7 @@ def references_of(
         a_g at the steps [m/s²].
     config : Config
         The whole configuration.
-    specimen : ShearBuilding, optional
+    specimen : LinearBuilding, optional
         Upper part of the building; by default the nominal specimen.
 
     Returns
@@ -194,9 +194,9 @@ def references_of(
     list of ndarray, each of shape (N, n)
         As `reference_of` has it.
     """
-    lower = config.numerical_substructure.building()
     upper = (specimen or config.specimen.building()).scaled(config.force_correction.feedback_scale)
-    if config.nonlinear.linear_chain:
-        return reference_responses(upper.stacked_on(lower), ground_accelerations, config.run.time_step)
-    building = nonlinear_building(lower, config.nonlinear).below(upper)
+    if config.nonlinear.linear_chain or config.nonlinear.integration == "exact":
+        whole = upper.stacked_on(config.elastic_substructure())
+        return reference_responses(whole, ground_accelerations, config.run.time_step)
+    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear).below(upper)
     return [nonlinear_reference_response(building, g, config.run.time_step) for g in ground_accelerations]

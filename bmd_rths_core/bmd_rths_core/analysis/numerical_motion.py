@@ -6,6 +6,7 @@ inputs, returns them. The shear that acted at a step is its `required_force`, wh
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.loop.build import make_numerical_substructure, make_stability_indicator_array
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
+from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -68,18 +70,17 @@ def numerical_motion(record: RunRecord, config: Config) -> NumericalMotion:
     ground, shear = filled(record.ground_acceleration), filled(record.required_force)
     stage = make_numerical_substructure(config)
     stage.reset()
-    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
-    stories = building.stories()
-    stories.reset()
+    building = config.elastic_substructure()
+    floor_forces = _floor_forces(config)
     shape = record.steps, len(building.masses)
     displacements, velocities, forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for k, (ground_now, shear_now) in enumerate(zip(ground.tolist(), shear.tolist(), strict=True)):
         stage.step(ground_now, shear_now)
         displacements[k], velocities[k] = stage.displacements, stage.velocities
-        forces[k] = stories.floor_forces(displacements[k])
+        forces[k] = floor_forces(displacements[k])
     load = -forces - velocities @ building.damping_matrix
     load[:, -1] += shear
-    accelerations = load / building.masses
+    accelerations = np.linalg.solve(building.mass_matrix, load.T).T
     difference = peak(accelerations[:, -1] - record.desired_acceleration)
     largest = peak(record.desired_acceleration)
     return NumericalMotion(
@@ -105,6 +106,17 @@ def peak_drifts(record: RunRecord, config: Config) -> tuple[float, ...]:
         Its configuration.
     """
     return tuple(peak(drift) for drift in numerical_motion(record, config).drifts.T)
+
+
+def _floor_forces(config: Config) -> Callable[[FloatArray], FloatArray]:
+    """Return the restoring forces on the floors by their displacements, without damping."""
+    building = config.numerical_substructure.building()
+    if not isinstance(building, ShearBuilding):
+        stiffness = building.stiffness_matrix
+        return lambda displacements: np.asarray(stiffness @ displacements)
+    stories = nonlinear_building(building, config.nonlinear).stories()
+    stories.reset()
+    return stories.floor_forces
 
 
 def ductility(motion: NumericalMotion, config: Config) -> tuple[float, ...]:

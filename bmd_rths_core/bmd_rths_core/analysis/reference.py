@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
-from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -18,12 +18,12 @@ FloatArray = NDArray[np.float64]
 _CHUNK = 2048
 
 
-def reference_response(building: ShearBuilding, ground_acceleration: FloatArray, time_step: float) -> FloatArray:
+def reference_response(building: LinearBuilding, ground_acceleration: FloatArray, time_step: float) -> FloatArray:
     """Return the absolute floor accelerations of a building on the ground.
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         The whole building, n floors (Eqs. 1 and 2).
     ground_acceleration : ndarray, shape (N,)
         a_g [m/s²], linear between the steps.
@@ -39,13 +39,13 @@ def reference_response(building: ShearBuilding, ground_acceleration: FloatArray,
 
 
 def reference_responses(
-    building: ShearBuilding, ground_accelerations: Sequence[FloatArray], time_step: float
+    building: LinearBuilding, ground_accelerations: Sequence[FloatArray], time_step: float
 ) -> list[FloatArray]:
     """Return the responses of a building to many ground motions, computed together.
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         The whole building, n floors (Eqs. 1 and 2).
     ground_accelerations : sequence of ndarray, each of shape (N,)
         a_g [m/s²], linear between the steps; of any length each.
@@ -72,13 +72,13 @@ def reference_responses(
 
 
 def softened_reference_response(
-    before: ShearBuilding, after: ShearBuilding, step: int, ground_acceleration: FloatArray, time_step: float
+    before: LinearBuilding, after: LinearBuilding, step: int, ground_acceleration: FloatArray, time_step: float
 ) -> FloatArray:
     """Return the absolute floor accelerations of a building that becomes another one during the earthquake.
 
     Parameters
     ----------
-    before, after : ShearBuilding
+    before, after : LinearBuilding
         The whole building, n floors of the same masses.
     step : int
         Step at which it changes; what is returned of this step is still that of `before`.

@@ -12,8 +12,8 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.record import RunRecord
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
-from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -47,20 +47,20 @@ def reference_motion_of(record: RunRecord, config: Config) -> ReferenceMotion:
         Its configuration.
     """
     ground = np.nan_to_num(record.ground_acceleration)
-    lower = config.numerical_substructure.building()
     upper = config.specimen.building().scaled(config.force_correction.feedback_scale)
-    if config.nonlinear.linear_chain:
-        return ReferenceMotion(relative_displacements(upper.stacked_on(lower), ground, config.run.time_step))
-    building = nonlinear_building(lower, config.nonlinear).below(upper)
+    if config.nonlinear.linear_chain or config.nonlinear.integration == "exact":
+        whole = upper.stacked_on(config.elastic_substructure())
+        return ReferenceMotion(relative_displacements(whole, ground, config.run.time_step))
+    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear).below(upper)
     return ReferenceMotion(nonlinear_reference_motion(building, ground, config.run.time_step)[1])
 
 
-def relative_displacements(building: ShearBuilding, ground_acceleration: FloatArray, time_step: float) -> FloatArray:
+def relative_displacements(building: LinearBuilding, ground_acceleration: FloatArray, time_step: float) -> FloatArray:
     """Return the floor displacements of a building relative to the ground.
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         n floors.
     ground_acceleration : ndarray, shape (N,)
         a_g [m/s²], linear between the steps.

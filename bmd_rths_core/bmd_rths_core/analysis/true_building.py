@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bmd_rths_core.analysis.metrics import references_of
 from bmd_rths_core.analysis.reference import nonlinear_reference_response, softened_reference_response
 from bmd_rths_core.config import Config
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.nonlinear_building import nonlinear_building
-from bmd_rths_core.structure.shear_building import ShearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -22,13 +22,13 @@ class TrueSpecimen(NamedTuple):
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         The specimen.
     origin : str
         ``"simulated"``: that of the simulated table; ``"identified"``: that of the section identified_model.
     """
 
-    building: ShearBuilding
+    building: LinearBuilding
     origin: str
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_core.table.models.plant import Plant
 
@@ -174,11 +174,11 @@ class Known:
     ----------
     time_step : float
         Δt [s].
-    numerical : ShearBuilding
+    numerical : LinearBuilding
         The numerical substructure.
     linear : bool
         The numerical substructure is linear and integrated exactly.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         Model of the specimen: the identified one where there is one.
     table : Plant or None
         Identified model of the table with the specimen on it; None when there is none.
@@ -195,9 +195,9 @@ class Known:
     """
 
     time_step: float
-    numerical: ShearBuilding
+    numerical: LinearBuilding
     linear: bool
-    specimen: ShearBuilding
+    specimen: LinearBuilding
     table: Plant | None
     command_delay: float
     feedback_scale: float

@@ -16,6 +16,7 @@ from bmd_rths_core.loop.states import Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.safety import SafetySupervisor
+from bmd_rths_core.table.calibration import Calibration
 from bmd_rths_core.table.controller import TableController, TableMeasurement
 
 #: How often `drive` reports progress [steps].
@@ -90,6 +91,7 @@ def drive(
     progress: Callable[[int], None] | None = None,
     clock: Clock | None = None,
     stops_asked: Callable[[], int] = lambda: 0,
+    calibration: Calibration | None = None,
 ) -> Responses:
     """Drive a table with given commands; it is brought to rest, stopped and closed whatever happens.
 
@@ -109,6 +111,8 @@ def drive(
         Commands go out by this clock, one every Δt; by default as soon as the one before is answered.
     stops_asked : callable
         As `run_to_rest` takes it.
+    calibration : Calibration, optional
+        Of the sensors.
 
     Returns
     -------
@@ -144,7 +148,7 @@ def drive(
 
     missing: list[int] = []
     time = clock or VirtualClock()
-    driver = TableDriver(table, supervisor, time_step, clock is None, on_measurement)
+    driver = TableDriver(table, supervisor, time_step, clock is None, on_measurement, calibration=calibration)
     # Lost answers are judged by the limits of the supervisor alone.
     conductor = Conductor(commands.tolist(), _Excitation(), None, time_step, clock is None, math.inf, on_step)
     try:

@@ -28,6 +28,9 @@ from bmd_rths_core.identification.spectral_lines import (
 )
 from bmd_rths_core.structure.shear_building import ShearBuilding
 
+#: Number of the lowest frequencies whose mean tells the sign of a floor, and how far from 1 its size may be there.
+_QUASI_STATIC, _AS_MUCH = 4, 0.5
+
 
 @dataclass(frozen=True)
 class SpecimenModel:
@@ -110,6 +113,7 @@ def identify_specimen(responses: Responses, masses: tuple[float, ...], band: tup
             f"the configuration has {len(masses)}"
         )
     measured = averaged_response(responses.table, responses.floors, responses.time_step, band)
+    refuse_reversed(measured)
     lines = spectral_lines(responses.table, responses.floors, responses.time_step, measured)
     building, deviations = _stories(responses, np.asarray(masses), measured)
     of_stories = _oscillating(np.asarray(np.linalg.eigvals(building.relative_motion()[0]), dtype=complex))
@@ -118,6 +122,29 @@ def identify_specimen(responses: Responses, masses: tuple[float, ...], band: tup
     poles = _oscillating(modal.poles)
     stiffness, damping = np.split(deviations, 2)
     return SpecimenModel(np.abs(poles), -poles.real / np.abs(poles), building, stiffness, damping, measured)
+
+
+def refuse_reversed(measured: FrequencyResponse) -> None:
+    """Refuse floors whose accelerometer has the wrong sign: below their first mode they move with the table.
+
+    Parameters
+    ----------
+    measured : FrequencyResponse
+        Floors over table, shape (n, floors).
+
+    Raises
+    ------
+    InputError
+        A floor moves against the table, as much as the table itself.
+    """
+    lowest = np.mean(measured.response[:_QUASI_STATIC], axis=0)
+    for floor, value in enumerate(lowest.tolist(), 1):
+        if value.real < 0.0 and abs(abs(value) - 1.0) < _AS_MUCH:
+            hertz = measured.frequencies[0] / (2.0 * np.pi)
+            raise InputError(
+                f"specimen: floor {floor} moves against the table at {hertz:.2g} Hz, as much as the table; the sign of "
+                f"its accelerometer is wrong (sensors.floor_scales[{floor - 1}] has the other one)"
+            )
 
 
 def _oscillating(poles: ComplexArray) -> ComplexArray:

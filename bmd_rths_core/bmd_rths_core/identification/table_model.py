@@ -154,8 +154,41 @@ def identify_table(
     held = hold(raw.frequencies, responses.time_step)[:, None]
     lines = SpectralLines(raw.frequencies, raw.response / held, raw.weight * np.abs(held))
     measured = without_hold(averaged, responses.time_step)
+    return fitted_model(lines, measured, delay_band, responses.time_step, order)
+
+
+def fitted_model(
+    lines: SpectralLines,
+    measured: FrequencyResponse,
+    delay_band: tuple[float, float],
+    time_step: float,
+    order: int | None = None,
+    highest: int = LARGEST_ORDER,
+) -> TableModel:
+    """Return the model of a table that fits spectral lines.
+
+    Parameters
+    ----------
+    lines : SpectralLines
+        What is fitted, shape (n, 1).
+    measured : FrequencyResponse
+        What the fit is judged by, shape (n, 1).
+    delay_band : (float, float)
+        Band over which the delay is taken [rad/s].
+    time_step : float
+        Δt [s].
+    order : int, optional
+        Number of poles; chosen by BIC without it.
+    highest : int
+        Largest number of poles to choose.
+
+    Raises
+    ------
+    InputError
+        The table moves against its command.
+    """
     fit = RationalFit(lines)
-    first, criterion = _best_model(fit, order)
+    first, criterion = _best_model(fit, order, highest)
     model = RationalFit(lines.reweighted(first.response(lines.frequencies))).improved(first)
     difference = measured.response - model.response(measured.frequencies)
     error = np.sum(measured.coherence * np.abs(difference) ** 2)
@@ -166,16 +199,16 @@ def identify_table(
         measured=measured,
         fit_error=float(np.sqrt(error)),
         residual=float(np.sqrt(2.0 * fit.residual_power(model))),
-        delay=_delay(model, measured, delay_band, responses.time_step),
+        delay=_delay(model, measured, delay_band, time_step),
     )
 
 
-def _best_model(fit: RationalFit, order: int | None) -> tuple[RationalModel, dict[int, float]]:
+def _best_model(fit: RationalFit, order: int | None, highest: int) -> tuple[RationalModel, dict[int, float]]:
     """Raise the order until the criterion no longer improves, then lower it as far as a pure delay makes up for it."""
     if order is not None:
         models = {order: min(fit.model(order), fit.delayed_model(order, _LARGEST_DELAY), key=fit.criterion)}
     else:
-        models = _until_worse(fit.model, fit, range(1, LARGEST_ORDER + 1))
+        models = _until_worse(fit.model, fit, range(1, highest + 1))
         up_to_best = range(_best_order(fit, models), 0, -1)
         delayed = _until_worse(lambda tried: fit.delayed_model(tried, _LARGEST_DELAY), fit, up_to_best)
         models |= {tried: min(model, models[tried], key=fit.criterion) for tried, model in delayed.items()}

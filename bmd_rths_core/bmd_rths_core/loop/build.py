@@ -18,7 +18,7 @@ from bmd_rths_core.stages.force_correction import ForceCorrection
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import ShearEstimator
-from bmd_rths_core.structure.nonlinear_building import nonlinear_building
+from bmd_rths_core.table.calibration import Calibration
 from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.emulated.faults import Faults
 from bmd_rths_core.table.emulated.virtual_controller import VirtualController
@@ -27,6 +27,17 @@ from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable, refu
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
+
+
+def make_calibration(config: Config) -> Calibration:
+    """Return the calibration of the sensors.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    return Calibration(config.sensors, len(config.specimen.masses))
 
 
 def make_numerical_substructure(config: Config) -> NumericalSubstructure | NonlinearSubstructure:
@@ -39,7 +50,7 @@ def make_numerical_substructure(config: Config) -> NumericalSubstructure | Nonli
     """
     if config.nonlinear.integration != "exact":
         return NonlinearSubstructure(config.numerical_substructure, config.nonlinear, config.run.time_step)
-    return NumericalSubstructure(config.numerical_substructure, config.run.time_step)
+    return NumericalSubstructure(config.elastic_substructure(), config.run.time_step)
 
 
 #: Sections that `make_known` reads.
@@ -74,7 +85,7 @@ def make_known(config: Config) -> Known:
     settings = config.compensator.settings
     return Known(
         time_step=config.run.time_step,
-        numerical=config.numerical_substructure.building(),
+        numerical=config.elastic_substructure(),
         linear=config.nonlinear.integration == "exact",
         specimen=specimen,
         table=model.plant(specimen),
@@ -159,8 +170,9 @@ def make_stability_indicator(config: Config) -> StabilityIndicator:
     config : Config
         The whole configuration.
     """
-    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
-    return StabilityIndicator(config.safety, building.masses, building.damping_matrix, config.run.time_step)
+    building = config.elastic_substructure()
+    masses, damping = np.asarray(building.masses), building.damping_matrix
+    return StabilityIndicator(config.safety, masses, damping, config.run.time_step)
 
 
 def make_stability_indicator_array(config: Config, runs: int) -> StabilityIndicatorArray:
@@ -173,8 +185,8 @@ def make_stability_indicator_array(config: Config, runs: int) -> StabilityIndica
     runs : int
         Number of runs.
     """
-    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
-    masses, damping = building.masses, building.damping_matrix
+    building = config.elastic_substructure()
+    masses, damping = np.asarray(building.masses), building.damping_matrix
     return StabilityIndicatorArray(config.safety, masses, damping, config.run.time_step, runs)
 
 

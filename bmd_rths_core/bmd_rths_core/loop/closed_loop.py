@@ -15,6 +15,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.loop.build import (
+    make_calibration,
     make_command_shaper,
     make_force_correction,
     make_interface_control,
@@ -37,6 +38,8 @@ def has_matrices(config: Config) -> bool:
     config : Config
         The whole configuration.
     """
+    if not make_calibration(config).is_identity:  # the matrices know no sensor that is told otherwise
+        return False
     part = make_interface_control(config) or make_command_shaper(config)
     return part.state_space() is not None
 

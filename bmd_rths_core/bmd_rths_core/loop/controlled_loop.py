@@ -12,7 +12,6 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.loop.build import make_force_correction, make_interface_control
 from bmd_rths_core.loop.linear_loop import ClosedLoop, output_names, sensor_noise
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
-from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
@@ -49,9 +48,7 @@ def controlled_loop(config: Config, mass_factor: float = 1.0, linear: LinearCont
     if linear is None:
         raise InputError(f"run.scheme: {config.run.scheme} is not linear; there are no matrices of its loop")
     own = linear.system
-    real = ShearBuilding(
-        tuple(mass_factor * mass for mass in specimen.masses), specimen.stiffnesses, specimen.damping_coefficients
-    )
+    real = specimen.with_factors(mass=mass_factor)
     table = SimulatedTable(config.simulated_table, real, step, config.run.seed).state_space(displacement=True)
     estimator = estimator_state_space(config.shear_estimator, specimen, step)
     correction = make_force_correction(config).state_space()

@@ -8,6 +8,7 @@ from typing import Any
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.build import (
+    make_calibration,
     make_command_shaper,
     make_force_correction,
     make_numerical_stage,
@@ -78,6 +79,7 @@ class RthsLoop:
             self._on_measurement,
             self._on_rest_command,
             self._on_rest_measurement,
+            make_calibration(config),
         )
         self.conductor = Conductor(
             motion.acceleration.tolist(),

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from bmd_rths_core.loop.states import DriveState, Outcome
 from bmd_rths_core.safety import Action, SafetySupervisor, State
+from bmd_rths_core.table.calibration import Calibration
 from bmd_rths_core.table.controller import (
     AsynchronousTableController,
     NoAnswer,
@@ -54,6 +55,8 @@ class TableDriver:
     on_rest_command, on_rest_measurement : callable, optional
         Get every `TableCommand` that the controller was given on the way to rest, and every `TableMeasurement` that
         answers one. They get nothing more of a table that stands, held or at rest.
+    calibration : Calibration, optional
+        Of the sensors: limits, loop and record have what it makes of the readings. Readings are SI units without it.
 
     Attributes
     ----------
@@ -86,6 +89,7 @@ class TableDriver:
         on_measurement: Callable[[TableMeasurement], None],
         on_rest_command: Callable[[TableCommand], None] = lambda command: None,
         on_rest_measurement: Callable[[TableMeasurement], None] = lambda measurement: None,
+        calibration: Calibration | None = None,
     ) -> None:
         self.supervisor = supervisor
         self._table = table
@@ -94,6 +98,7 @@ class TableDriver:
         self._by_steps = lockstep or bool(getattr(table, "by_steps", False))
         supervisor.by_the_clock = not self._by_steps
         self._polled = table if isinstance(table, AsynchronousTableController) else None
+        self._calibration = calibration
         self._on_measurement = on_measurement
         self._on_rest_command, self._on_rest_measurement = on_rest_command, on_rest_measurement
         self.state = DriveState.RELEASED
@@ -282,6 +287,8 @@ class TableDriver:
         return math.inf
 
     def _observe(self, measurement: TableMeasurement) -> None:
+        if self._calibration is not None:
+            measurement = self._calibration.calibrated(measurement)
         self.supervisor.observe(measurement)
         self.latest = measurement
         if measurement.step <= self.last_passed:  # the way to rest is no part of the test

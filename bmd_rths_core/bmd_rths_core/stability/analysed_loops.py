@@ -20,7 +20,6 @@ from bmd_rths_core.stability.models import (
     simulated_table,
     uncoupled_modes,
 )
-from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 #: Values of `AnalysisOptions.modes` besides a number.
 IDENTIFIED, ALL = "identified", "all"
@@ -132,7 +131,7 @@ def sweep(config: Config, options: AnalysisOptions) -> MarginCurve:
 
 
 def _first_mode(config: Config) -> tuple[float, float]:
-    modes = nonlinear_building(config.numerical_substructure.building(), config.nonlinear).elastic_modes()
+    modes = config.elastic_substructure().modes()
     return float(modes.frequencies[0]), float(modes.damping_ratios[0])
 
 

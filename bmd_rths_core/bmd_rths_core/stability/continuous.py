@@ -31,7 +31,6 @@ from bmd_rths_core.stability.models import (
     simulated_table,
     table_sections,
 )
-from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
@@ -298,7 +297,7 @@ def loop_of(config: Config) -> LoopTransferFunction:
     """
     step, chain = config.run.time_step, config.numerical_substructure.building()
     return LoopTransferFunction(
-        elastic_numerical_building(nonlinear_building(chain, config.nonlinear), first_effective_mass(chain)),
+        elastic_numerical_building(config.elastic_substructure(), first_effective_mass(chain)),
         experimental_building(config.specimen.building()),
         simulated_table(config.simulated_table, config.specimen.building()),
         phase_lead_compensator(config.command_shaper, step) if config.run.scheme in PHASE_LEAD else None,

@@ -8,6 +8,7 @@ stages themselves (their ``state_space()``).
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMarg
 from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass
 from bmd_rths_core.stability.unit_circle import transfer_function
+from bmd_rths_core.structure.config import MATRICES, STORIES
 from bmd_rths_core.structure.shear_building import mass_ratio
 
 FloatArray = NDArray[np.float64]
@@ -57,9 +59,8 @@ def with_mass_ratio(config: Config, ratio: float) -> Config:
         raise InputError(f"mass ratio: {ratio:g} is not allowed; > 0 and < 1 is required")
     numerical = config.numerical_substructure
     factor = _fed_back_mass(config) * (1.0 - ratio) / ratio / first_effective_mass(numerical.building())
-    scaled = {
-        name: tuple(factor * value for value in getattr(numerical, name))
-        for name in ("masses", "stiffnesses", "damping_coefficients")
+    scaled: dict[str, Any] = {
+        name: tuple(factor * value for value in getattr(numerical, name)) for name in (*STORIES, *MATRICES)
     }
     loads = tuple(factor * load for load in config.nonlinear.gravity_loads)
     return dataclasses.replace(

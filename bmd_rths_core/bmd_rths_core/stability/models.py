@@ -11,16 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eigvals
 
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig, transfer_function
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.stability.loop_elements import ComplexArray, DiscreteCompensator, Rational
-from bmd_rths_core.structure.nonlinear_building import NonlinearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
 from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 
 FloatArray = NDArray[np.float64]
+
+#: An eigenvalue of Rosenbrock's matrix above this, over the highest frequency, is one at infinity.
+_INFINITE_ZERO = 1e6
 
 #: Eq. 9 as rows of ``b2 b1 b0 a2 a1 a0``: the identified table with the 8-story specimen on it.
 EQUATION_9: tuple[float, ...] = (
@@ -93,12 +97,12 @@ def numerical_oscillator(frequency: ArrayLike, damping_ratio: ArrayLike) -> Rati
     return Rational(np.zeros((*omega.shape, 0), dtype=complex), poles, np.ones(omega.shape))
 
 
-def numerical_building(building: ShearBuilding) -> Rational:
+def numerical_building(building: LinearBuilding) -> Rational:
     """Return a numerical substructure of any number of stories as `numerical_oscillator` does.
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         Stories from the ground up; the interface is the topmost floor. m_N is its first effective modal mass.
 
     Returns
@@ -110,17 +114,16 @@ def numerical_building(building: ShearBuilding) -> Rational:
     -----
     The zeros are the eigenvalues of the building with the interface held fast.
     """
-    masses, mass = np.asarray(building.masses), first_effective_mass(building)
-    return _numerical(masses, building.damping_matrix, building.stiffness_matrix, mass)
+    return elastic_numerical_building(building, first_effective_mass(building))
 
 
-def elastic_numerical_building(building: NonlinearBuilding, effective_mass: float) -> Rational:
-    """Return a numerical substructure that may yield as `numerical_building` does, for small motion about rest.
+def elastic_numerical_building(building: LinearBuilding, effective_mass: float) -> Rational:
+    """Return a numerical substructure as `numerical_building` does, with a given effective mass.
 
     Parameters
     ----------
-    building : NonlinearBuilding
-        Initial stiffness, with P-Delta, and any damping.
+    building : LinearBuilding
+        For small motion about rest, with P-Delta and any damping.
     effective_mass : float
         m_N of Eq. 8 [kg].
 
@@ -129,15 +132,17 @@ def elastic_numerical_building(building: NonlinearBuilding, effective_mass: floa
     Rational
         See `numerical_building`.
     """
-    return _numerical(building.masses, building.damping_matrix, building.initial_stiffness_matrix, effective_mass)
+    mass, damping, stiffness = building.mass_matrix, building.damping_matrix, building.stiffness_matrix
+    zeros = _eigenvalues(mass[:-1, :-1], damping[:-1, :-1], stiffness[:-1, :-1])
+    return Rational(zeros, _eigenvalues(mass, damping, stiffness), np.asarray(effective_mass / building.interface_mass))
 
 
-def experimental_building(building: ShearBuilding) -> Rational:
+def experimental_building(building: LinearBuilding) -> Rational:
     """Return an experimental substructure with all its modes, −f / (m_E a_table).
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         Stories from the table up. m_E is the first effective modal mass.
 
     Returns
@@ -152,6 +157,8 @@ def experimental_building(building: ShearBuilding) -> Rational:
     is the chain without its first story, free at both ends. Its rigid-body motion cancels the s² of the acceleration;
     its other eigenvalues, those of the story drifts, are the zeros, together with −k₁/c₁.
     """
+    if not isinstance(building, ShearBuilding) or building.damping is not None:
+        return _by_matrices(building)
     m = np.asarray(building.masses)
     k, c = np.asarray(building.stiffnesses), np.asarray(building.damping_coefficients)
     drift = np.diff(np.eye(len(m)), axis=0)
@@ -160,7 +167,7 @@ def experimental_building(building: ShearBuilding) -> Rational:
     leading = k[0]
     if c[0] > 0.0:
         zeros, leading = np.append(zeros, -k[0] / c[0]), c[0]
-    poles = _eigenvalues(m, building.damping_matrix, building.stiffness_matrix)
+    poles = _eigenvalues(building.mass_matrix, building.damping_matrix, building.stiffness_matrix)
     return Rational(zeros, poles, np.asarray(leading / first_effective_mass(building)))
 
 
@@ -200,12 +207,12 @@ def experimental_modes(modes: Sequence[IdentifiedMode]) -> Rational:
     return Rational(zeros.astype(complex), poles.astype(complex), np.asarray(gain))
 
 
-def uncoupled_modes(building: ShearBuilding) -> tuple[IdentifiedMode, ...]:
+def uncoupled_modes(building: LinearBuilding) -> tuple[IdentifiedMode, ...]:
     """Return the modes of a building as if they were identified: the coupling of the modes by damping is neglected.
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         Stories from the table up.
 
     Returns
@@ -255,14 +262,14 @@ def table_sections(sections: tuple[float, ...] = ()) -> Rational:
     return Rational(np.concatenate((none, *zeros)), np.concatenate((none, *poles)), np.asarray(gain))
 
 
-def simulated_table(config: SimulatedTableConfig, specimen: ShearBuilding) -> Rational:
+def simulated_table(config: SimulatedTableConfig, specimen: LinearBuilding) -> Rational:
     """Return the model of the simulated table, without its pure delay.
 
     Parameters
     ----------
     config : SimulatedTableConfig
         Table.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         What stands on it. It matters for an interacting servo alone, and should then be the experimental substructure
         of the same loop: where the two differ, the poles of one are not the zeros of the other.
 
@@ -279,7 +286,7 @@ def simulated_table(config: SimulatedTableConfig, specimen: ShearBuilding) -> Ra
     if config.dynamics != "interacting_servo":
         table = table_sections(config.own_sections)
         return _as_built(table.zeros, np.append(table.poles, config.mode_poles), table.gain, config)
-    zeros = _eigenvalues(np.asarray(specimen.masses), specimen.damping_matrix, specimen.stiffness_matrix)
+    zeros = _eigenvalues(specimen.mass_matrix, specimen.damping_matrix, specimen.stiffness_matrix)
     poles = np.asarray(np.linalg.eigvals(config.plant(specimen).a[:-2, :-2]), dtype=complex)
     return _as_built(zeros, poles, np.asarray(config.servo_real_pole * config.servo_frequency**2), config)
 
@@ -307,12 +314,12 @@ def phase_lead_compensator(config: CommandShaperConfig, time_step: float) -> Dis
     return DiscreteCompensator(*transfer_function(config, time_step), time_step)
 
 
-def first_effective_mass(building: ShearBuilding) -> float:
+def first_effective_mass(building: LinearBuilding) -> float:
     """Return the effective modal mass of the first mode, m_E or m_N of Eq. 8.
 
     Parameters
     ----------
-    building : ShearBuilding
+    building : LinearBuilding
         Experimental or numerical substructure.
 
     Returns
@@ -323,13 +330,30 @@ def first_effective_mass(building: ShearBuilding) -> float:
     return float(building.modes().effective_masses[0])
 
 
-def _numerical(masses: FloatArray, damping: FloatArray, stiffness: FloatArray, effective_mass: float) -> Rational:
-    zeros = _eigenvalues(masses[:-1], damping[:-1, :-1], stiffness[:-1, :-1])
-    return Rational(zeros, _eigenvalues(masses, damping, stiffness), np.asarray(effective_mass / masses[-1]))
+def _by_matrices(building: LinearBuilding) -> Rational:
+    """Return −f / (m_E a_table) = 1ᵀ (C s + K) (M s² + C s + K)⁻¹ M 1 / m_E, with the zeros of Rosenbrock's matrix."""
+    a, b, c = building.relative_motion()
+    output = np.asarray(building.masses) @ c
+    scale = float(building.modes().frequencies[-1])
+    states = len(a)
+    # The velocities in units of `scale` times the displacements, so that all entries are of one size.
+    units = np.repeat([1.0, scale], states // 2)
+    system = np.block([[a * units / units[:, None] / scale, b / units[:, None]], [output * units, np.zeros((1, 1))]])
+    system[-1] /= np.abs(system[-1]).max()
+    values = eigvals(system, np.diag([1.0] * states + [0.0]))
+    zeros = scale * values[np.isfinite(values) & (np.abs(values) < _INFINITE_ZERO)]
+    poles = _eigenvalues(building.mass_matrix, building.damping_matrix, building.stiffness_matrix)
+    # At rest the shear is that of the whole mass.
+    ratio = np.exp(np.sum(np.log(-poles.astype(complex))) - np.sum(np.log(-zeros.astype(complex)))).real
+    return Rational(zeros, poles, np.asarray(building.total_mass * ratio / first_effective_mass(building)))
 
 
-def _eigenvalues(masses: FloatArray, damping: FloatArray, stiffness: FloatArray) -> ComplexArray:
-    return _companion_eigenvalues(damping / masses[:, None], stiffness / masses[:, None])
+def _eigenvalues(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> ComplexArray:
+    diagonal = np.diag(mass)
+    if np.array_equal(mass, np.diag(diagonal)):
+        return _companion_eigenvalues(damping / diagonal[:, None], stiffness / diagonal[:, None])
+    solved = np.asarray(np.linalg.solve(mass, np.hstack((damping, stiffness))), dtype=np.float64)
+    return _companion_eigenvalues(solved[:, : len(mass)], solved[:, len(mass) :])
 
 
 def _companion_eigenvalues(damping: FloatArray, stiffness: FloatArray) -> ComplexArray:

@@ -18,6 +18,7 @@ from bmd_rths_core.integration.explicit_integration import (
 )
 from bmd_rths_core.stages.numerical_substructure import NumericalResponse, NumericalSubstructureConfig
 from bmd_rths_core.structure.nonlinear_building import NonlinearConfig, nonlinear_building
+from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 
 
@@ -52,7 +53,13 @@ class NonlinearSubstructure:
     takes_feedback = True
 
     def __init__(self, config: NumericalSubstructureConfig, nonlinear: NonlinearConfig, time_step: float) -> None:
-        building = nonlinear_building(config.building(), nonlinear)
+        chain = config.building()
+        if not isinstance(chain, ShearBuilding):
+            raise InputError(
+                f"nonlinear.integration: {nonlinear.integration} is for stories; numerical_substructure has matrices, "
+                "for which exact is required"
+            )
+        building = nonlinear_building(chain, nonlinear)
         system = building.system()
         parameters = _integration_parameters(system, nonlinear, time_step)
         self._system, self._parameters = system, parameters

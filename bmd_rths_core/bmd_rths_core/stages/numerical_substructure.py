@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
-from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.parameters import parameter
 from bmd_rths_core.physical_bounds import DAMPING, MASS, STIFFNESS
-from bmd_rths_core.structure.shear_building import ShearBuilding, stories
+from bmd_rths_core.structure.config import BuildingConfig
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 
 
 @dataclass(frozen=True)
-class NumericalSubstructureConfig:
+class NumericalSubstructureConfig(BuildingConfig):
     """Stories below the interface, from the ground up; the interface is the topmost of these floors."""
 
     SECTION: ClassVar[str] = "numerical_substructure"
@@ -42,15 +43,6 @@ class NumericalSubstructureConfig:
         source="Chen et al. 2020, simplified BMD: 2 z_N w_N m_N with z_N = 1.67 %",
         **DAMPING,
     )
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check_parameters(self)
-        self.building()
-
-    def building(self) -> ShearBuilding:
-        """Return the substructure as a shear building."""
-        return stories(self.SECTION, self.masses, self.stiffnesses, self.damping_coefficients)
 
 
 class NumericalResponse(NamedTuple):
@@ -82,8 +74,8 @@ class NumericalSubstructure:
 
     Parameters
     ----------
-    config : NumericalSubstructureConfig
-        Masses, stiffnesses and damping coefficients.
+    building : NumericalSubstructureConfig or LinearBuilding
+        The substructure; any linear one.
     time_step : float
         Δt [s].
 
@@ -95,20 +87,21 @@ class NumericalSubstructure:
 
     takes_feedback = True
 
-    def __init__(self, config: NumericalSubstructureConfig, time_step: float) -> None:
-        building = config.building()
+    def __init__(self, building: NumericalSubstructureConfig | LinearBuilding, time_step: float) -> None:
+        if isinstance(building, NumericalSubstructureConfig):
+            building = building.building()
         n = building.stories
         a, base_input, _ = building.relative_motion()
         shear_input = np.zeros((2 * n, 1))
-        shear_input[-1, 0] = 1.0 / building.masses[-1]
+        shear_input[n:, 0] = building.interface_shares() / building.interface_mass
         phi, gamma_0, gamma_1 = first_order_hold(a, np.hstack((base_input, shear_input)), time_step)
         # One product a step: [x, a_g, f] of the last step and [a_g, f] of this one give the state of this one.
         self._transition = np.hstack((phi, gamma_0, gamma_1))
         self._stacked = np.zeros(2 * n + 4)
         self._state = np.zeros(2 * n)
         self.displacements, self.velocities = self._state[:n], self._state[n:]
-        self._interface_mass = building.masses[-1]
-        self._restoring = np.hstack((building.stiffness_matrix[-1], building.damping_matrix[-1]))
+        self._interface_mass = building.interface_mass
+        self._restoring = building.interface_restoring()
         self._started = False
 
     def reset(self) -> None:

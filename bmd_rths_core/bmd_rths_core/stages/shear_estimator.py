@@ -12,7 +12,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import VARIANCE
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 
 if TYPE_CHECKING:
@@ -64,13 +64,13 @@ class ShearEstimator:
     ----------
     config : ShearEstimatorConfig
         Source and noise levels.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         Model of the experimental substructure, n floors.
     time_step : float
         Δt [s].
     """
 
-    def __init__(self, config: ShearEstimatorConfig, specimen: ShearBuilding, time_step: float) -> None:
+    def __init__(self, config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float) -> None:
         self._from_load_cell = config.source == "load_cell"
         self._filter, self._input_matrix = kalman_filter(config, specimen, time_step)
         self._shear_row = -np.asarray(specimen.masses) @ self._filter.H
@@ -104,7 +104,7 @@ class ShearEstimator:
 
 
 def estimator_state_space(
-    config: ShearEstimatorConfig, specimen: ShearBuilding, time_step: float
+    config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float
 ) -> DiscreteStateSpace:
     """Return the stage as a linear system.
 
@@ -112,7 +112,7 @@ def estimator_state_space(
     ----------
     config : ShearEstimatorConfig
         Source and noise levels.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         Model of the experimental substructure, n floors.
     time_step : float
         Δt [s].
@@ -168,14 +168,14 @@ class SteadyStateFilter(NamedTuple):
     covariance: FloatArray
 
 
-def steady_state_filter(config: ShearEstimatorConfig, specimen: ShearBuilding, time_step: float) -> SteadyStateFilter:
+def steady_state_filter(config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float) -> SteadyStateFilter:
     """Return the Kalman filter for a specimen, by the discrete algebraic Riccati equation.
 
     Parameters
     ----------
     config : ShearEstimatorConfig
         Noise levels.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         Model of the experimental substructure, n floors.
     time_step : float
         Δt [s].
@@ -210,7 +210,7 @@ def steady_state_filter(config: ShearEstimatorConfig, specimen: ShearBuilding, t
 
 
 def kalman_filter(
-    config: ShearEstimatorConfig, specimen: ShearBuilding, time_step: float
+    config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float
 ) -> tuple[KalmanFilter, FloatArray]:
     """Return filterpy's Kalman filter for a specimen, at rest, with steady-state covariance and gain.
 
@@ -218,7 +218,7 @@ def kalman_filter(
     ----------
     config : ShearEstimatorConfig
         Noise levels.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         Model of the experimental substructure, n floors.
     time_step : float
         Δt [s].

@@ -12,8 +12,10 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.explicit_integration import SystemMatrices
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import DAMPING_RATIO, DRIFT, FACTOR, LENGTH, POSITIVE_FACTOR, WEIGHT
-from bmd_rths_core.structure.damping import modal_damping, rayleigh_coefficients, rayleigh_damping
-from bmd_rths_core.structure.shear_building import Modes, ShearBuilding, modes_of
+from bmd_rths_core.structure.damping import check_length, damping_of_ratios
+from bmd_rths_core.structure.linear_building import LinearBuilding, Modes, modes_of
+from bmd_rths_core.structure.matrix_building import MatrixBuilding, rows_of
+from bmd_rths_core.structure.shear_building import ShearBuilding, chain_of
 from bmd_rths_core.structure.story_springs import BilinearSpring, BoucWenSpring, LinearSpring, StorySpring, StorySprings
 
 FloatArray = NDArray[np.float64]
@@ -67,8 +69,8 @@ class NonlinearConfig:
     )
     damping: str = parameter(
         "coefficients",
-        description="Viscous damping: the coefficients of numerical_substructure, or from damping_ratios and initial "
-        "stiffness",
+        description="Viscous damping: that of numerical_substructure (its coefficients or its own damping), or from "
+        "damping_ratios and initial stiffness",
         choices=("coefficients", "rayleigh", "modal"),
     )
     damping_ratios: tuple[float, ...] = parameter(
@@ -112,10 +114,10 @@ class NonlinearConfig:
     def __post_init__(self) -> None:
         """Check the values that need no other section."""
         check_parameters(self)
-        if self.integration == "exact" and not self.linear_chain:
+        if self.integration == "exact" and self.story_model != "linear":
             raise InputError(
-                "nonlinear.integration: exact is for story_model linear, damping coefficients and no gravity_loads; "
-                "here one of cr, kr_alpha, newmark_explicit is required"
+                f"nonlinear.integration: exact is for story_model linear; for {self.story_model} one of cr, kr_alpha, "
+                "newmark_explicit is required"
             )
         if not -self.bouc_wen_beta < self.bouc_wen_gamma <= self.bouc_wen_beta:
             raise InputError(
@@ -168,7 +170,7 @@ class NonlinearBuilding:
         """Return the stories as one restoring force."""
         return StorySprings(self.springs, self.geometric_stiffnesses)
 
-    def below(self, upper: ShearBuilding, springs: tuple[StorySpring, ...] | None = None) -> NonlinearBuilding:
+    def below(self, upper: LinearBuilding, springs: tuple[StorySpring, ...] | None = None) -> NonlinearBuilding:
         """Return the building that has another one standing on its roof.
 
         Parameters
@@ -183,6 +185,7 @@ class NonlinearBuilding:
         NonlinearBuilding
             The unpartitioned building of Eq. 3. It shares the springs, and so their state, with this one.
         """
+        chain = chain_of(upper, "nonlinear.story_model over the specimen")
         lower, n = len(self.masses), len(self.masses) + upper.stories
 
         def stacked(own: FloatArray, coefficients: tuple[float, ...]) -> FloatArray:
@@ -194,10 +197,10 @@ class NonlinearBuilding:
 
         return NonlinearBuilding(
             np.concatenate((self.masses, upper.masses)),
-            stacked(self.damping_matrix, upper.damping_coefficients),
-            stacked(self.initial_stiffness_matrix, upper.stiffnesses),
-            stacked(self.highest_stiffness_matrix, upper.stiffnesses),
-            self.springs + (springs or tuple(LinearSpring(stiffness) for stiffness in upper.stiffnesses)),
+            stacked(self.damping_matrix, chain.damping_coefficients),
+            stacked(self.initial_stiffness_matrix, chain.stiffnesses),
+            stacked(self.highest_stiffness_matrix, chain.stiffnesses),
+            self.springs + (springs or tuple(LinearSpring(stiffness) for stiffness in chain.stiffnesses)),
             self.geometric_stiffnesses + (0.0,) * upper.stories,
         )
 
@@ -206,7 +209,41 @@ class NonlinearBuilding:
 _STORY = np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
-def nonlinear_building(building: ShearBuilding, config: NonlinearConfig) -> NonlinearBuilding:
+def elastic_building(building: LinearBuilding, config: NonlinearConfig) -> LinearBuilding:
+    """Return the numerical substructure as far as it is linear: for small motion about rest, with P-Delta and damping.
+
+    Parameters
+    ----------
+    building : LinearBuilding
+        As the section numerical_substructure describes it.
+    config : NonlinearConfig
+        Springs, damping and P-Delta.
+
+    Returns
+    -------
+    LinearBuilding
+        The given one, where `config` adds nothing to it.
+
+    Raises
+    ------
+    InputError
+        See `nonlinear_building`; or what is given by matrices shall have stories.
+    """
+    if config.linear_chain:
+        return building
+    if isinstance(building, ShearBuilding):
+        elastic = nonlinear_building(building, config)
+        mass, damping = np.diag(elastic.masses), elastic.damping_matrix
+        return MatrixBuilding(rows_of(mass), rows_of(damping), rows_of(elastic.initial_stiffness_matrix))
+    if config.story_model != "linear" or config.gravity_loads:
+        raise InputError(
+            "nonlinear: numerical_substructure has matrices; story_model linear and no gravity_loads are required"
+        )
+    damping = _damping_matrix(building, config)
+    return MatrixBuilding(rows_of(building.mass_matrix), rows_of(damping), rows_of(building.stiffness_matrix))
+
+
+def nonlinear_building(building: LinearBuilding, config: NonlinearConfig) -> NonlinearBuilding:
     """Return the building that has the stories of a configuration, in their virgin state.
 
     Parameters
@@ -225,6 +262,8 @@ def nonlinear_building(building: ShearBuilding, config: NonlinearConfig) -> Nonl
     InputError
         A list does not have one entry a story, the gravity loads buckle a story, or damping would be negative.
     """
+    if not isinstance(building, ShearBuilding):
+        raise InputError("nonlinear: stories are required, numerical_substructure has matrices")
     springs = _springs(building, config)
     geometric = _geometric_stiffnesses(building, config)
     for story, (spring, load) in enumerate(zip(springs, geometric, strict=True)):
@@ -251,7 +290,7 @@ def nonlinear_building(building: ShearBuilding, config: NonlinearConfig) -> Nonl
 def _springs(building: ShearBuilding, config: NonlinearConfig) -> tuple[StorySpring, ...]:
     if config.story_model == "linear":
         return tuple(LinearSpring(k) for k in building.stiffnesses)
-    _check_length("yield_drifts", config.yield_drifts, building.stories, "one a story")
+    check_length(NonlinearConfig.SECTION, "yield_drifts", config.yield_drifts, building.stories, "one a story")
     pairs = zip(building.stiffnesses, config.yield_drifts, strict=True)
     if config.story_model == "bilinear":
         return tuple(BilinearSpring(k, drift, config.post_yield_ratio) for k, drift in pairs)
@@ -262,35 +301,12 @@ def _springs(building: ShearBuilding, config: NonlinearConfig) -> tuple[StorySpr
 def _geometric_stiffnesses(building: ShearBuilding, config: NonlinearConfig) -> tuple[float, ...]:
     if not config.gravity_loads:
         return (0.0,) * building.stories
-    _check_length("gravity_loads", config.gravity_loads, building.stories, "one a story")
-    _check_length("story_heights", config.story_heights, building.stories, "one a story")
+    check_length(NonlinearConfig.SECTION, "gravity_loads", config.gravity_loads, building.stories, "one a story")
+    check_length(NonlinearConfig.SECTION, "story_heights", config.story_heights, building.stories, "one a story")
     return tuple(load / height for load, height in zip(config.gravity_loads, config.story_heights, strict=True))
 
 
-def _damping_matrix(building: ShearBuilding, config: NonlinearConfig) -> FloatArray:
-    ratios, n = config.damping_ratios, building.stories
+def _damping_matrix(building: LinearBuilding, config: NonlinearConfig) -> FloatArray:
     if config.damping == "coefficients":
         return building.damping_matrix
-    if config.damping == "modal":
-        if len(ratios) != 1:
-            _check_length("damping_ratios", ratios, n, "one for all modes or one a mode")
-        return modal_damping(building, ratios * n if len(ratios) == 1 else ratios)
-    _check_length("damping_ratios", ratios, 2, "one for each of rayleigh_modes")
-    modes = sorted({int(mode) for mode in config.rayleigh_modes if mode == int(mode) and mode <= n})
-    if len(config.rayleigh_modes) != 2 or len(modes) != 2:
-        given = ", ".join(f"{mode:g}" for mode in config.rayleigh_modes)
-        raise InputError(
-            f"nonlinear.rayleigh_modes: [{given}] is not allowed; "
-            f"two different whole numbers from 1 to {n}, the number of stories, are required"
-        )
-    frequencies = building.modes().frequencies
-    targets = [float(frequencies[int(mode) - 1]) for mode in config.rayleigh_modes]
-    try:
-        return rayleigh_damping(building, *rayleigh_coefficients(targets, ratios))
-    except InputError as error:
-        raise InputError(f"nonlinear.damping_ratios: {error}") from error
-
-
-def _check_length(name: str, values: tuple[float, ...], needed: int, meaning: str) -> None:
-    if len(values) != needed:
-        raise InputError(f"nonlinear.{name}: {len(values)} values; {needed} are required, {meaning}")
+    return damping_of_ratios(config.SECTION, building, config.damping, config.damping_ratios, config.rayleigh_modes)

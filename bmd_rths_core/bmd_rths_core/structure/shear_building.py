@@ -9,34 +9,14 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.physical_bounds import LARGEST_FREQUENCY
+from bmd_rths_core.structure.linear_building import LinearBuilding
+from bmd_rths_core.structure.matrix_building import MatrixBuilding, Rows, rows_of, stacked
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Modes:
-    """Undamped modes of a shear building, lowest frequency first.
-
-    Parameters
-    ----------
-    frequencies : ndarray, shape (n,)
-        Natural frequencies ω [rad/s].
-    damping_ratios : ndarray, shape (n,)
-        ζᵢ = φᵢᵀ C φᵢ / (2 ωᵢ φᵢᵀ M φᵢ), the damping the mode has when the coupling between modes is neglected.
-    effective_masses : ndarray, shape (n,)
-        (φᵢᵀ M 1)² / (φᵢᵀ M φᵢ) [kg]; their sum is the total mass.
-    shapes : ndarray, shape (n, n)
-        Mode i is column i, normalised to unit modal mass.
-    """
-
-    frequencies: FloatArray
-    damping_ratios: FloatArray
-    effective_masses: FloatArray
-    shapes: FloatArray
-
-
-@dataclass(frozen=True)
-class ShearBuilding:
+class ShearBuilding(LinearBuilding):
     """A shear building with one horizontal degree of freedom a floor.
 
     Parameters
@@ -47,6 +27,8 @@ class ShearBuilding:
         Story stiffnesses, entry i between floor i−1 and floor i [N/m], each > 0; floor −1 is the base.
     damping_coefficients : tuple of float
         Story damping coefficients [N s/m], each ≥ 0.
+    damping : tuple of tuple of float, optional
+        C in place of that of the coefficients [N s/m], shape (n, n).
 
     Raises
     ------
@@ -61,6 +43,7 @@ class ShearBuilding:
     masses: tuple[float, ...]
     stiffnesses: tuple[float, ...]
     damping_coefficients: tuple[float, ...]
+    damping: Rows | None = None
 
     def __post_init__(self) -> None:
         """Check the lists."""
@@ -80,11 +63,6 @@ class ShearBuilding:
                     raise InputError(f"{name}[{i}]: {value:g} is not allowed; {lowest} is required")
 
     @property
-    def stories(self) -> int:
-        """Number of stories n."""
-        return len(self.masses)
-
-    @property
     def mass_matrix(self) -> FloatArray:
         """M [kg], shape (n, n)."""
         return np.diag(np.asarray(self.masses, dtype=float))
@@ -97,97 +75,60 @@ class ShearBuilding:
     @property
     def damping_matrix(self) -> FloatArray:
         """C [N s/m], shape (n, n)."""
-        return _chain(self.damping_coefficients)
+        return _chain(self.damping_coefficients) if self.damping is None else np.array(self.damping)
 
-    @property
-    def total_mass(self) -> float:
-        """Sum of the floor masses [kg]."""
-        return float(sum(self.masses))
-
-    def stacked_on(self, lower: ShearBuilding) -> ShearBuilding:
+    def stacked_on(self, lower: LinearBuilding) -> ShearBuilding | MatrixBuilding:
         """Return the building that has this one standing on the roof of another.
 
         Parameters
         ----------
-        lower : ShearBuilding
-            The lower part, for example the numerical substructure.
-
-        Returns
-        -------
-        ShearBuilding
-            The unpartitioned building of Eq. 3.
+        lower : LinearBuilding
+            The lower part.
         """
+        if not isinstance(lower, ShearBuilding) or self.damping is not None or lower.damping is not None:
+            return stacked(self, lower)
         return ShearBuilding(
             lower.masses + self.masses,
             lower.stiffnesses + self.stiffnesses,
             lower.damping_coefficients + self.damping_coefficients,
         )
 
-    def scaled(self, factor: float) -> ShearBuilding:
-        """Return the building with all masses, stiffnesses and damping coefficients multiplied by one factor.
+    def with_factors(self, mass: float = 1.0, stiffness: float = 1.0, damping: float = 1.0) -> ShearBuilding:
+        """Return the building with masses, stiffnesses and damping multiplied by a factor each.
 
         Parameters
         ----------
-        factor : float
-            Factor > 0. Frequencies and damping ratios stay; every force is multiplied.
-
-        Returns
-        -------
-        ShearBuilding
+        mass, stiffness, damping : float
+            Factors > 0.
         """
-        values = (self.masses, self.stiffnesses, self.damping_coefficients)
-        return ShearBuilding(*(tuple(factor * entry for entry in entries) for entries in values))
+        return ShearBuilding(
+            tuple(mass * entry for entry in self.masses),
+            tuple(stiffness * entry for entry in self.stiffnesses),
+            tuple(damping * entry for entry in self.damping_coefficients),
+            None if self.damping is None else rows_of(damping * self.damping_matrix),
+        )
 
-    def modes(self) -> Modes:
-        """Return the undamped modes.
+    @property
+    def interface_mass(self) -> float:
+        """Mass of the roof [kg]."""
+        return self.masses[-1]
 
-        Returns
-        -------
-        Modes
-            All n modes, lowest frequency first.
-        """
-        return modes_of(self.mass_matrix, self.damping_matrix, self.stiffness_matrix)
+    def interface_shares(self) -> FloatArray:
+        """Return the accelerations of the floors under a force on the roof: that of the roof alone."""
+        return np.asarray(np.eye(self.stories)[-1])
+
+    def interface_restoring(self) -> FloatArray:
+        """Return the row of the restoring force at the roof."""
+        return np.hstack((self.stiffness_matrix[-1], self.damping_matrix[-1]))
 
     def relative_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the state space of the motion relative to the base, driven by the base acceleration (Eq. 5).
-
-        The state is ``[u, u̇]`` relative to the base; the input is the absolute base acceleration; the output is the
-        absolute acceleration of the floors, ``ü + a_base = −M⁻¹ (C u̇ + K u)``, which has no direct feedthrough.
-
-        Returns
-        -------
-        a : ndarray, shape (2n, 2n)
-        b : ndarray, shape (2n, 1)
-        c : ndarray, shape (n, 2n)
-        """
+        """Return the state space of the motion relative to the base, driven by the base acceleration (Eq. 5)."""
         n = self.stories
         inverse_mass = 1.0 / np.asarray(self.masses)[:, None]
         c = np.hstack((-inverse_mass * self.stiffness_matrix, -inverse_mass * self.damping_matrix))
         a = np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), c))
         b = np.concatenate((np.zeros(n), -np.ones(n)))[:, None]
         return a, b, c
-
-
-def modes_of(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> Modes:
-    """Return the undamped modes of a building by its matrices.
-
-    Parameters
-    ----------
-    mass, damping, stiffness : ndarray, shape (n, n)
-        M [kg], C [N s/m] and K [N/m], K positive definite.
-
-    Returns
-    -------
-    Modes
-        All n modes, lowest frequency first.
-    """
-    from scipy.linalg import eigh  # as in `integration.discretisation`, not before it is needed
-
-    squared, shapes = eigh(stiffness, mass)
-    frequencies = np.sqrt(squared)
-    modal_damping = np.einsum("ij,ik,kj->j", shapes, damping, shapes)
-    participation = shapes.T @ mass @ np.ones(len(mass))
-    return Modes(frequencies, modal_damping / (2.0 * frequencies), participation**2, shapes)
 
 
 def stories(
@@ -228,6 +169,29 @@ def stories(
         if rates[floor] > LARGEST_FREQUENCY:
             problem = f"floor {floor + 1} of {masses[floor]:g} kg moves at up to {rates[floor]:.3g} rad/s"
             raise InputError(f"{section}.{name}: {problem}; at most {LARGEST_FREQUENCY:g} rad/s is integrated exactly")
+    return building
+
+
+def chain_of(building: LinearBuilding, asked: str) -> ShearBuilding:
+    """Return a building as stories with a damper each, for what cannot do with less.
+
+    Parameters
+    ----------
+    building : LinearBuilding
+        Any building.
+    asked : str
+        Parameter that asks for stories, for the message.
+
+    Raises
+    ------
+    InputError
+        It is given by matrices, or its damping by ratios.
+    """
+    if not isinstance(building, ShearBuilding) or building.damping is not None:
+        raise InputError(
+            f"{asked}: it works on stories; masses, stiffnesses and damping_coefficients are required, no matrices and "
+            "no damping ratios"
+        )
     return building
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.cli.options import log
 
 if TYPE_CHECKING:
     from bmd_rths_core.config import Config
@@ -94,9 +95,32 @@ class ConfigChoice:
             resolved = resolved.merged(self.identified, ("identified_model",))
         resolved = resolved.changed(**changes)
         record = resolved.ground_motion.record
-        if record in shipped_records():
-            return resolved
-        return resolved.changed(ground_motion__record=os.path.abspath(record))
+        if record not in shipped_records():
+            resolved = resolved.changed(ground_motion__record=os.path.abspath(record))
+        return fitted(resolved)
+
+
+def fitted(config: Config) -> Config:
+    """Return a configuration whose table is fitted to its measured frequency response; tell how well it does.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        See `bmd_rths_core.identification.measured_table.with_fitted_table`.
+    """
+    if config.simulated_table.dynamics != "measured" or config.simulated_table.sections:
+        return config
+    from bmd_rths_core.identification.measured_table import with_fitted_table
+
+    known = with_fitted_table(config)
+    table = known.simulated_table
+    log(f"table: {len(table.sections) // 6} sections fitted to {table.frequency_response}, error {table.fit_error:.2%}")
+    return known
 
 
 def parsed_settings(settings: Iterable[str]) -> dict[str, object]:

@@ -152,7 +152,7 @@ def _refuse_excitation() -> None:
 def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     from bmd_rths_core.identification.excitation import excitation_command
     from bmd_rths_core.identification.excited_table import drive
-    from bmd_rths_core.loop.build import make_supervisor
+    from bmd_rths_core.loop.build import make_calibration, make_supervisor
     from bmd_rths_core.safety import Action
     from bmd_rths_core.table.config import LONGEST_ANSWER_TIMEOUT
     from bmd_rths_nodes.hardware.clock import MonotonicClock
@@ -176,6 +176,7 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
                     config.run.time_step,
                     progress=lambda done: progress.update(task, completed=done),
                     stops_asked=lambda: len(interrupts),
+                    calibration=make_calibration(config),
                 )
         # Nothing else happens in this process while the table moves: no drawing, no collection of garbage.
         log(f"{_words(excited)}: the table moves for {len(commands) * config.run.time_step:.0f} s (Ctrl-C stops it)")
@@ -188,6 +189,7 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
             config.run.time_step,
             clock=MonotonicClock(),
             stops_asked=lambda: len(interrupts),
+            calibration=make_calibration(config),
         )
     if responses.source != "driven":
         log(responses.source)

@@ -15,7 +15,7 @@ from bmd_rths_nodes.cli.options import log, printable
 
 #: Commands in the order of the help; each is the function of its name in the module of its name.
 COMMANDS = (
-    *("run", "simulate", "campaign", "robustness", "stability", "identify"),
+    *("new-rig", "check", "commission", "run", "simulate", "campaign", "robustness", "stability", "identify"),
     *("analyze", "export", "replay", "monitor", "layouts", "figures", "motions", "emulate", "doctor"),
 )
 
@@ -31,7 +31,8 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
-        command: Any = getattr(importlib.import_module(f"bmd_rths_nodes.cli.{cmd_name}"), cmd_name)
+        name = cmd_name.replace("-", "_")
+        command: Any = getattr(importlib.import_module(f"bmd_rths_nodes.cli.{name}"), name)
         return command
 
     def resolve_command(

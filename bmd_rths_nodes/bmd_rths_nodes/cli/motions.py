@@ -14,10 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.cli.configuration import record_options
+from bmd_rths_nodes.cli.configuration import ConfigChoice, record_options
 from bmd_rths_nodes.cli.options import json_option, printable, progress_bar
 
 if TYPE_CHECKING:
+    from bmd_rths_core.config import Config
     from bmd_rths_core.ground_motion.catalogue import CatalogueEntry
 
 #: Most characters of a line of the table.
@@ -35,11 +36,24 @@ _COLUMNS = (
 )
 
 
+#: Those of a configuration, with --as-run.
+_AS_RUN = (
+    ("scale_factor", "scale", ".4g"),
+    ("as_run_pga_m_s2", "PGA run", ".3g"),
+    ("as_run_pgv_m_s", "PGV run", ".3g"),
+    ("as_run_pgd_m", "PGD run [m]", ".3g"),
+    ("as_run_last_displacement_m", "left [m]", ".2g"),
+)
+
+
 @click.command(epilog="Example: bmd-rths motions records --json")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @record_options
+@click.option("--as-run", metavar="CONFIG", help="Tell also how a configuration scales each: factor, PGA, PGV, PGD.")
 @json_option
-def motions(folder: Path, dt: float | None, unit: str | None, columns: str | None, as_json: bool) -> int:
+def motions(
+    folder: Path, dt: float | None, unit: str | None, columns: str | None, as_run: str | None, as_json: bool
+) -> int:
     """List the ground motions below a folder, and what is wrong with the other files.
 
     f is the frequency of the peak of the power spectral density of the acceleration (Welch, segments of 10 s), D5-95
@@ -52,6 +66,7 @@ def motions(folder: Path, dt: float | None, unit: str | None, columns: str | Non
     asked = GroundMotionConfig(
         unit=unit or FROM_FILE, record_time_step=dt or 0.0, columns=columns or FROM_FILE
     )  # checks them
+    config = None if as_run is None else ConfigChoice(as_run).resolve()
     stated = Stated(unit=asked.unit, time_step=asked.record_time_step, columns=asked.columns)
     paths = record_files(folder)
     records: list[dict[str, Any]] = []
@@ -60,7 +75,9 @@ def motions(folder: Path, dt: float | None, unit: str | None, columns: str | Non
         for path in progress.track(paths, description="reading"):
             name = path.name if path == folder else path.relative_to(folder).as_posix()
             try:
-                records += [{"file": name, **_plain(entry)} for entry in catalogue(path, stated)]
+                records += [
+                    {"file": name, **_plain(entry), **_as_run(entry, config)} for entry in catalogue(path, stated)
+                ]
             except InputError as error:
                 not_read.append({"file": name, "problem": str(error).removeprefix(f"{path}: ")})
     if as_json:
@@ -70,6 +87,24 @@ def motions(folder: Path, dt: float | None, unit: str | None, columns: str | Non
         if not records:
             click.echo(f"no ground motion was found in {folder}")
     return 0
+
+
+def _as_run(entry: CatalogueEntry, config: Config | None) -> dict[str, Any]:
+    """Return how a configuration scales a record; nothing without one, None where it cannot be run with it."""
+    if config is None:
+        return {}
+    from bmd_rths_core.ground_motion.as_run import as_run
+
+    keys = ("scale_factor", "as_run_pga_m_s2", "as_run_pgv_m_s", "as_run_pgd_m", "as_run_last_displacement_m")
+    try:
+        if not entry.states_unit:
+            raise InputError("no unit")
+        ran = as_run(entry.motion, config.ground_motion, config.run.time_step)
+    except InputError:
+        return dict.fromkeys(keys)
+    peaks = ran.scaled
+    values = (ran.scale_factor, peaks.acceleration, peaks.velocity, peaks.displacement, peaks.last_displacement)
+    return dict(zip(keys, values, strict=True))
 
 
 def _plain(entry: CatalogueEntry) -> dict[str, Any]:
@@ -107,10 +142,11 @@ def _show_records(records: list[dict[str, Any]]) -> None:
     table = Table(box=None, pad_edge=False)
     for heading in ("file", "format", "component"):
         table.add_column(heading, no_wrap=True)
-    for _, heading, _ in _COLUMNS:
+    columns = (*_COLUMNS, *_AS_RUN) if "scale_factor" in records[0] else _COLUMNS
+    for _, heading, _ in columns:
         table.add_column(Text(heading), justify="right", no_wrap=True)
     for record in records:
-        cells = ("unknown" if record[key] is None else format(record[key], form) for key, _, form in _COLUMNS)
+        cells = ("unknown" if record[key] is None else format(record[key], form) for key, _, form in columns)
         table.add_row(Text(printable(record["file"])), record["format"], Text(printable(record["component"])), *cells)
     # As wide as it needs to be: a terminal folds long lines, a pipe keeps them.
     Console(width=_WIDTH).print(table)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_nodes.cli.options import progress_bar
+from bmd_rths_nodes.cli.options import log, progress_bar
 from bmd_rths_nodes.cli.results import without_nan
 
 if TYPE_CHECKING:
     from bmd_rths_core.analysis.preflight import Preflight
     from bmd_rths_core.config import Config
+    from bmd_rths_core.ground_motion.as_run import MotionAsRun
     from bmd_rths_core.ground_motion.motion import GroundMotion
 
 
@@ -71,6 +72,24 @@ def in_words(config: Config, preflight: Preflight) -> str:
     )
     overridden = "" if preflight.cleared else f"; OVERRIDDEN: {'; '.join(preflight.problems)}"
     return f"predicted for {table}: {told}{overridden}"
+
+
+def tell_motion(config: Config, ran: MotionAsRun) -> None:
+    """Tell how the ground motion is scaled, and what looks like a slip in the configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    ran : MotionAsRun
+        Its ground motion.
+    """
+    from bmd_rths_core.analysis.suspicions import suspicions
+    from bmd_rths_core.ground_motion.as_run import in_words as motion_in_words
+
+    log(motion_in_words(ran))
+    for warning in suspicions(config):
+        log(f"warning: {warning}")
 
 
 def as_mapping(preflight: Preflight) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import click
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
 from bmd_rths_nodes.cli import preflight
+from bmd_rths_nodes.cli.commission import age_in_words
 from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
@@ -65,7 +66,7 @@ def run(
     """
     require_ros("run")
     from bmd_rths_core.analysis.run_analysis import analysed
-    from bmd_rths_core.ground_motion.config import select_ground_motion
+    from bmd_rths_core.ground_motion.as_run import ground_motion_as_run
     from bmd_rths_msgs_py.bag_reader import read_bag
     from bmd_rths_nodes.hardware.controllers import make_table_controller
     from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES
@@ -78,7 +79,8 @@ def run(
     if override_preflight:
         resolved = resolved.changed(run__preflight="override")
     make_table_controller(resolved)  # refuses what is wrong before any process is started; nothing is connected
-    motion = select_ground_motion(resolved.ground_motion, resolved.run.time_step)
+    ran = ground_motion_as_run(resolved.ground_motion, resolved.run.time_step)
+    motion = ran.motion
     folder = output if output is not None else Path(resolved.recorder.directory)
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
     with _page(with_page, port) as page:  # to the very end, so that a browser sees how the test has ended
@@ -86,6 +88,9 @@ def run(
             prediction = preflight.checked(resolved, motion)
             if prediction is not None:
                 log(preflight.in_words(resolved, prediction))
+            preflight.tell_motion(resolved, ran)
+            if resolved.table.controller != "simulated":
+                log(age_in_words(choice.config))
             try:
                 bag = _run(resolved, motion.steps, COMPOSED_PROCESSES if composed else PROCESSES, monitor, page)
             except RunFailed as error:

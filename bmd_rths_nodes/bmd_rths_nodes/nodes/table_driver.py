@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.loop.build import make_supervisor
+from bmd_rths_core.loop.build import make_calibration, make_supervisor
 from bmd_rths_core.loop.states import DriveState, NodeState, Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.safety import Action, State
@@ -63,6 +63,7 @@ class TableDriverNode(StageNode):
             self._on_measurement,
             self._on_rest_command,
             self._on_rest_measurement,
+            make_calibration(config),
         )
         self._send_measurement = self.publish_to(MEASUREMENT)
         self._send_rest_command = self.publish_to(WAY_TO_REST_COMMAND, at_once=True)

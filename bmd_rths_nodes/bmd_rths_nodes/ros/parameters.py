@@ -46,7 +46,12 @@ def read_configuration(node: Node) -> Config:
         if section in SECTIONS and not key:
             raise InputError(f"{name}: {override.value!r} is not a section; parameters with values are required")
         mapping.setdefault(section, {})[key] = _plain(override)
-    return config_from_mapping(mapping)
+    config = config_from_mapping(mapping)
+    if config.simulated_table.dynamics != "measured":
+        return config
+    from bmd_rths_core.identification.measured_table import with_fitted_table  # few have to wait for scipy.signal
+
+    return with_fitted_table(config)
 
 
 def refuse_other_name(node: Node, name: str) -> None:

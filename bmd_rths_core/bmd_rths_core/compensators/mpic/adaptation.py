@@ -15,7 +15,7 @@ from bmd_rths_core.compensators.mpic.riccati import Pieces, by_doubling
 from bmd_rths_core.compensators.mpic.stiffness import StoryStiffness
 from bmd_rths_core.compensators.protocol import InterfaceDemand, Known, LinearControl
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.shear_building import ShearBuilding, chain_of
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_core.table.models.plant import Plant
 
@@ -106,7 +106,7 @@ def stiffened(known: Known, factors: FloatArray) -> Known:
     factors : ndarray, shape (n,)
         Stiffness of each story over the identified one.
     """
-    specimen = known.specimen
+    specimen = chain_of(known.specimen, "mpic.stiffness")
     stiffnesses = tuple((factors * np.asarray(specimen.stiffnesses)).tolist())
     table = None if known.table is None else _stiffened_plant(known.table, factors)
     changed = ShearBuilding(specimen.masses, stiffnesses, specimen.damping_coefficients)

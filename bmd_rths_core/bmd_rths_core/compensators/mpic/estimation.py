@@ -17,7 +17,7 @@ from bmd_rths_core.compensators.mpic.riccati import Pieces, RiccatiSolver, at_on
 from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.compensators.protocol import SensorNoise
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.models.held_plant import HeldPlant
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Observer(NamedTuple):
 
 
 def sensor_rows(
-    plant: HeldPlant, specimen: ShearBuilding, noise: SensorNoise, load_cell: bool
+    plant: HeldPlant, specimen: LinearBuilding, noise: SensorNoise, load_cell: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the sensors see of the plant, table, floors, displacement and load cell, and their noise.
 
@@ -69,7 +69,7 @@ def sensor_rows(
     ----------
     plant : HeldPlant
         m states.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         n floors.
     noise : SensorNoise
         Of the sensors.
@@ -92,7 +92,7 @@ def sensor_rows(
 def observer(
     plant: HeldPlant,
     building: VirtualBuilding,
-    specimen: ShearBuilding,
+    specimen: LinearBuilding,
     noise: SensorNoise,
     load_cell: bool,
     error: ModelError,
@@ -105,7 +105,7 @@ def observer(
         Table and specimen.
     building : VirtualBuilding
         With the same model of the specimen.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         That model.
     noise : SensorNoise
         Of the sensors.
@@ -129,7 +129,7 @@ def observer(
 def observer_in_pieces(
     plant: HeldPlant,
     building: VirtualBuilding,
-    specimen: ShearBuilding,
+    specimen: LinearBuilding,
     noise: SensorNoise,
     load_cell: bool,
     error: ModelError,

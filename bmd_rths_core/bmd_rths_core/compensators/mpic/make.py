@@ -10,6 +10,7 @@ from bmd_rths_core.compensators.mpic.design import design
 from bmd_rths_core.compensators.mpic.stiffness import StiffnessLimits, StoryStiffness
 from bmd_rths_core.compensators.mpic.trim import TrimLimits, TrimmedControl
 from bmd_rths_core.compensators.protocol import Known
+from bmd_rths_core.structure.shear_building import chain_of
 
 
 def make_control(known: Known) -> MpicControl | StiffnessControl | TrimmedControl:
@@ -37,7 +38,8 @@ def make_control(known: Known) -> MpicControl | StiffnessControl | TrimmedContro
             settings.stiffness_largest,
             settings.stiffness_rate,
         )
-        found = StoryStiffness(known.specimen, known.noise, known.load_cell, stiffness, known.time_step)
+        chain = chain_of(known.specimen, "mpic.stiffness")
+        found = StoryStiffness(chain, known.noise, known.load_cell, stiffness, known.time_step)
         control = StiffnessControl(plain, known, found)
     if not settings.trim:
         return control

@@ -16,7 +16,7 @@ from bmd_rths_core.compensators.mpic.virtual_building import VirtualBuilding
 from bmd_rths_core.compensators.protocol import SensorNoise
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import first_order_hold, zero_order_hold
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class SpecimenObserver(NamedTuple):
 
 def specimen_observer(
     building: VirtualBuilding,
-    specimen: ShearBuilding,
+    specimen: LinearBuilding,
     noise: SensorNoise,
     load_cell: bool,
     unmodelled: float,
@@ -64,7 +64,7 @@ def specimen_observer(
     ----------
     building : VirtualBuilding
         With the same model of the specimen.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         n floors.
     noise : SensorNoise
         Of the sensors; that of the table's accelerometer acts at both ends of a step.
@@ -89,7 +89,7 @@ def specimen_observer(
 
 def specimen_observer_in_pieces(
     building: VirtualBuilding,
-    specimen: ShearBuilding,
+    specimen: LinearBuilding,
     noise: SensorNoise,
     load_cell: bool,
     unmodelled: float,

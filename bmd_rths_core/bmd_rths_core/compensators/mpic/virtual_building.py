@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import first_order_hold, zero_order_hold
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 
 FloatArray = NDArray[np.float64]
 
@@ -54,13 +54,13 @@ class VirtualBuilding(NamedTuple):
 
 
 def virtual_building(
-    numerical: ShearBuilding, specimen: ShearBuilding, feedback_scale: float, time_step: float
+    numerical: LinearBuilding, specimen: LinearBuilding, feedback_scale: float, time_step: float
 ) -> VirtualBuilding:
     """Couple numerical substructure and model of the specimen, and discretise both together.
 
     Parameters
     ----------
-    numerical, specimen : ShearBuilding
+    numerical, specimen : LinearBuilding
         Below and above the interface.
     feedback_scale : float
         Share s of the interface shear that acts on the numerical substructure.
@@ -77,11 +77,11 @@ def virtual_building(
     masses = np.asarray(specimen.masses)
     floors = np.hstack((np.zeros((specimen.stories, lower)), c_e))
     force = -feedback_scale * masses @ floors
-    restoring = np.concatenate((numerical.stiffness_matrix[-1], numerical.damping_matrix[-1], np.zeros(upper)))
-    acceleration = (force - restoring) / numerical.masses[-1]
+    restoring = np.concatenate((numerical.interface_restoring(), np.zeros(upper)))
+    acceleration = (force - restoring) / numerical.interface_mass
     a = np.zeros((lower + upper, lower + upper))
     a[:lower, :lower], a[lower:, lower:] = a_n, a_e
-    a[lower - 1] += force / numerical.masses[-1]
+    a[lower // 2 : lower] += np.outer(numerical.interface_shares(), force / numerical.interface_mass)
     a[lower:] += by_interface * acceleration
     ground = np.vstack((by_ground, np.zeros((upper, 1))))
     transition, before, now = first_order_hold(a, ground, time_step)

@@ -14,7 +14,6 @@ from bmd_rths_core.plots.layout import ABOVE, Canvas, grid_in_mm, legend_on_top
 from bmd_rths_core.plots.style import BLACK, BLUE, GREEN, ORANGE, VERMILION
 from bmd_rths_core.report.document import Block, shown
 from bmd_rths_core.report.reported_run import ReportedRun, part
-from bmd_rths_core.structure.nonlinear_building import nonlinear_building
 
 FloatArray = NDArray[np.float64]
 
@@ -96,7 +95,7 @@ class EnergyHistory:
 
 def energy_history(motion: NumericalMotion, config: Config) -> EnergyHistory:
     """Return the energies of the numerical substructure, integrated by the trapezoidal rule."""
-    building = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
+    building = config.elastic_substructure()
     step, velocities = config.run.time_step, motion.velocities
     dissipated = np.sum(velocities * (velocities @ building.damping_matrix), axis=1)
     per_story = 0.5 * (motion.story_forces[1:] + motion.story_forces[:-1]) * np.diff(motion.drifts, axis=0)
@@ -104,7 +103,7 @@ def energy_history(motion: NumericalMotion, config: Config) -> EnergyHistory:
         time=step * np.arange(len(velocities), dtype=np.float64),
         ground_input=-_integral(motion.ground_acceleration * (velocities @ building.masses), step),
         interface=_integral(motion.shear * velocities[:, -1], step),
-        kinetic=0.5 * velocities**2 @ building.masses,
+        kinetic=0.5 * np.sum(velocities * (velocities @ building.mass_matrix), axis=1),
         springs=np.concatenate(([0.0], np.cumsum(np.sum(per_story, axis=1))))[: len(velocities)],
         dampers=_integral(dissipated, step),
         indicator=stability_indicator(motion, config),

@@ -20,7 +20,7 @@ from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.document import Block, Table, shown
 from bmd_rths_core.report.reported_run import ReportedRun, part
 from bmd_rths_core.report.wording import number
-from bmd_rths_core.structure.nonlinear_building import nonlinear_building
+from bmd_rths_core.structure.config import BuildingConfig
 
 FloatArray = NDArray[np.float64]
 
@@ -96,10 +96,15 @@ class Hysteresis:
 
 def numerical_loops(motion: NumericalMotion, config: Config) -> Hysteresis:
     """Return the loops of the numerical stories: restoring force without damping."""
-    stiffnesses = config.numerical_substructure.stiffnesses
+    stiffnesses = _stiffnesses(config.numerical_substructure)
     yields = config.nonlinear.yield_drifts if config.nonlinear.story_model != "linear" else (0.0,) * len(stiffnesses)
     stories = zip(motion.drifts.T, motion.story_forces.T, stiffnesses, yields, strict=True)
     return Hysteresis(tuple(StoryLoop(f"numerical story {i}", *story) for i, story in enumerate(stories, 1)))
+
+
+def _stiffnesses(section: BuildingConfig) -> tuple[float, ...]:
+    """Return the stiffness of each story; of a building by matrices none is known."""
+    return section.stiffnesses or (float("nan"),) * len(section.masses)
 
 
 def specimen_loops(record: RunRecord, config: Config) -> Hysteresis:
@@ -137,14 +142,14 @@ def specimen_loops(record: RunRecord, config: Config) -> Hysteresis:
     relative = np.diff(motions, axis=1)
     forces = -np.cumsum((floors * config.specimen.masses)[:, ::-1], axis=1)[:, ::-1]
     drifts = [twice_integrated(signal, record.time_step, corner) for signal in relative.T]
-    stories = zip(drifts, forces.T, config.specimen.stiffnesses, strict=True)
+    stories = zip(drifts, forces.T, _stiffnesses(config.specimen), strict=True)
     return Hysteresis(tuple(StoryLoop(f"specimen story {i}", *story) for i, story in enumerate(stories, 1)))
 
 
 def high_pass_frequency(config: Config) -> float:
     """Return the corner of the high-pass of the drifts of the specimen [rad/s]."""
-    lower = nonlinear_building(config.numerical_substructure.building(), config.nonlinear)
-    return HIGH_PASS_SHARE * float(lower.below(config.specimen.building()).elastic_modes().frequencies[0])
+    whole = config.specimen.building().stacked_on(config.elastic_substructure())
+    return HIGH_PASS_SHARE * float(whole.modes().frequencies[0])
 
 
 def twice_integrated(acceleration: FloatArray, time_step: float, corner: float) -> FloatArray:

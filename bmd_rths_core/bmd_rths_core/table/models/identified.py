@@ -19,6 +19,7 @@ from bmd_rths_core.physical_bounds import (
     STIFFNESS,
     VARIANCE,
 )
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import series
 from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
@@ -149,12 +150,12 @@ class IdentifiedModelConfig:
                 )
         series(self.sections)
 
-    def specimen(self, nominal: ShearBuilding) -> ShearBuilding:
+    def specimen(self, nominal: LinearBuilding) -> LinearBuilding:
         """Return the identified specimen with the given floor masses, or the nominal one where none was identified.
 
         Parameters
         ----------
-        nominal : ShearBuilding
+        nominal : LinearBuilding
             Its floor masses, and the specimen where none was identified.
 
         Raises
@@ -170,12 +171,12 @@ class IdentifiedModelConfig:
             )
         return ShearBuilding(nominal.masses, self.stiffnesses, self.damping_coefficients)
 
-    def plant(self, specimen: ShearBuilding) -> Plant | None:
+    def plant(self, specimen: LinearBuilding) -> Plant | None:
         """Return table and specimen as one system without the pure delay, or None where no table was identified.
 
         Parameters
         ----------
-        specimen : ShearBuilding
+        specimen : LinearBuilding
             The specimen on the table.
         """
         if self.table == "none":

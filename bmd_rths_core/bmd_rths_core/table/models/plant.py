@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.models.dynamics import StateSpace
 
 FloatArray = NDArray[np.float64]
@@ -32,14 +32,14 @@ class Plant(NamedTuple):
     feedthrough: FloatArray
 
 
-def driven_plant(table: StateSpace, specimen: ShearBuilding) -> Plant:
+def driven_plant(table: StateSpace, specimen: LinearBuilding) -> Plant:
     """Return a table that moves as if nothing stood on it, and drives its specimen.
 
     Parameters
     ----------
     table : StateSpace
         From the command to the achieved acceleration.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         n floors.
 
     Returns
@@ -55,7 +55,7 @@ def driven_plant(table: StateSpace, specimen: ShearBuilding) -> Plant:
 
 
 def interacting_plant(
-    real_pole: float, frequency: float, damping_ratio: float, platen_mass: float, specimen: ShearBuilding
+    real_pole: float, frequency: float, damping_ratio: float, platen_mass: float, specimen: LinearBuilding
 ) -> Plant:
     """Return a displacement-controlled servo table that its specimen pulls at: control-structure interaction.
 
@@ -65,7 +65,7 @@ def interacting_plant(
         Poles of the table alone: −p, and the pair with ω [rad/s] and ζ.
     platen_mass : float
         Mass of platen and piston M > 0 [kg].
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         n floors.
 
     Returns
@@ -119,7 +119,7 @@ def commanded_through(filtered: StateSpace, plant: Plant) -> Plant:
 
 
 def _with_specimen(
-    table: FloatArray, by_command: FloatArray, acceleration: FloatArray, feedthrough: float, specimen: ShearBuilding
+    table: FloatArray, by_command: FloatArray, acceleration: FloatArray, feedthrough: float, specimen: LinearBuilding
 ) -> Plant:
     """Add the specimen, driven by the acceleration of the table, and the displacement of the table.
 

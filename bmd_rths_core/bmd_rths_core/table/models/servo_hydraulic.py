@@ -23,7 +23,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import DAMPING, FORCE, FORCE_NOISE, MASS, SPEED
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
 from bmd_rths_core.table.models.model_table import ModelTable
@@ -188,14 +188,14 @@ class ServoHydraulicTable(ModelTable):
         Hydraulics and controller.
     sensors : Sensors
         Noise and quantisation.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         What stands on the table, n floors.
     time_step : float
         Δt [s].
     """
 
     def __init__(
-        self, config: ServoHydraulicConfig, sensors: Sensors, specimen: ShearBuilding, time_step: float
+        self, config: ServoHydraulicConfig, sensors: Sensors, specimen: LinearBuilding, time_step: float
     ) -> None:
         self._config = config
         self._masses = np.asarray(specimen.masses)
@@ -304,14 +304,14 @@ class ServoHydraulicTable(ModelTable):
         return flow, opening, force
 
 
-def refuse_unstable(config: ServoHydraulicConfig, specimen: ShearBuilding) -> None:
+def refuse_unstable(config: ServoHydraulicConfig, specimen: LinearBuilding) -> None:
     """Refuse a table that is not stable with its specimen on it, before anything is moved.
 
     Parameters
     ----------
     config : ServoHydraulicConfig
         Hydraulics and controller.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         What stands on the table.
 
     Raises
@@ -332,7 +332,7 @@ def refuse_unstable(config: ServoHydraulicConfig, specimen: ShearBuilding) -> No
 
 
 def _linear_part(
-    config: ServoHydraulicConfig, specimen: ShearBuilding
+    config: ServoHydraulicConfig, specimen: LinearBuilding
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the linear part: A, B of the command, B of the effects, and two output matrices.
 

@@ -23,7 +23,9 @@ from bmd_rths_core.physical_bounds import (
     POLE,
     POLE_DAMPING,
 )
-from bmd_rths_core.structure.shear_building import ShearBuilding
+from bmd_rths_core.structure.config import NO_FILE
+from bmd_rths_core.structure.linear_building import LinearBuilding
+from bmd_rths_core.structure.shear_building import chain_of
 from bmd_rths_core.structure.story_springs import BilinearSpring
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.table.emulated.true_motion import TrueMotion
@@ -48,8 +50,21 @@ class SimulatedTableConfig:
     dynamics: str = parameter(
         "interacting_servo",
         description="Model of the table: third-order servo, the same with the specimen pulling at it "
-        "(control-structure interaction), the sections given, or an ideal table",
-        choices=("servo", "interacting_servo", "sections", "perfect"),
+        "(control-structure interaction), the sections given, those fitted to frequency_response, or an ideal table",
+        choices=("servo", "interacting_servo", "sections", "measured", "perfect"),
+    )
+    frequency_response: str = parameter(
+        NO_FILE,
+        description="File (CSV: frequency_hz, magnitude, phase_deg, coherence) of the acceleration of the table with "
+        "the specimen on it over its command, without the hold; used when dynamics is measured, none otherwise",
+    )
+    fit_error: float = parameter(
+        0.0,
+        description="Root mean square of frequency_response minus its fit, over that of frequency_response, filled in "
+        "when it was fitted",
+        unit="1",
+        lower=0.0,
+        upper=1e6,
     )
     servo_real_pole: float = parameter(
         43.08,
@@ -74,7 +89,8 @@ class SimulatedTableConfig:
     )
     sections: tuple[float, ...] = parameter(
         (),
-        description="Analog sections in series, rows of b2 b1 b0 a2 a1 a0, used when dynamics is sections",
+        description="Analog sections in series, rows of b2 b1 b0 a2 a1 a0, used when dynamics is sections; filled in "
+        "when it is measured",
         unit="coefficients of s2, s and 1",
         source="Eq. 9 of Chen et al. 2020 has this form",
         **COEFFICIENT,
@@ -175,27 +191,30 @@ class SimulatedTableConfig:
         check_parameters(self)
         if self.dynamics == "sections" and not self.sections:
             raise InputError("simulated_table.sections: empty; dynamics 'sections' requires at least one row of six")
+        if not self.frequency_response:
+            raise InputError(f"simulated_table.frequency_response: empty; a file, or {NO_FILE}, is required")
+        if self.dynamics == "measured" and self.frequency_response == NO_FILE:
+            raise InputError(f"simulated_table.frequency_response: {NO_FILE}; dynamics 'measured' requires a file")
         if self.dynamics == "interacting_servo" and self.platen_mass == 0.0:
             raise InputError("simulated_table.platen_mass: 0 kg; dynamics 'interacting_servo' requires > 0 kg")
         if self.yield_drifts and self.softening_factor != 1.0:
             raise InputError("simulated_table: softening_factor and yield_drifts; only one of them is possible")
-        series(self.own_sections)
+        series(self.sections if self.dynamics == "measured" else self.own_sections)
 
     @property
     def damaged(self) -> bool:
         """The specimen does not stay what it is: it softens or yields, and the table is not one linear system."""
         return self.softening_factor != 1.0 or bool(self.yield_drifts)
 
-    def softened(self, specimen: ShearBuilding) -> ShearBuilding:
+    def softened(self, specimen: LinearBuilding) -> LinearBuilding:
         """Return a specimen with its stiffness after `softening_time`.
 
         Parameters
         ----------
-        specimen : ShearBuilding
+        specimen : LinearBuilding
             As it is before.
         """
-        stiffnesses = tuple(self.softening_factor * stiffness for stiffness in specimen.stiffnesses)
-        return ShearBuilding(specimen.masses, stiffnesses, specimen.damping_coefficients)
+        return specimen.with_factors(stiffness=self.softening_factor)
 
     def softening_step(self, time_step: float) -> int:
         """Return the first step with the softer specimen.
@@ -207,24 +226,25 @@ class SimulatedTableConfig:
         """
         return math.ceil(self.softening_time / time_step - 1e-9)
 
-    def springs(self, specimen: ShearBuilding) -> tuple[BilinearSpring, ...]:
+    def springs(self, specimen: LinearBuilding) -> tuple[BilinearSpring, ...]:
         """Return the stories of a specimen that yields, from the table up.
 
         Parameters
         ----------
-        specimen : ShearBuilding
+        specimen : LinearBuilding
             With its initial stiffness; whatever its share of the true one is, it yields at the same drifts.
 
         Raises
         ------
         InputError
-            There is not one yield drift a story.
+            There is not one yield drift a story, or the specimen has no stories.
         """
+        chain = chain_of(specimen, "simulated_table.yield_drifts")
         if len(self.yield_drifts) != specimen.stories:
             raise InputError(
                 f"simulated_table.yield_drifts: {len(self.yield_drifts)} entries; the specimen has {specimen.stories}"
             )
-        pairs = zip(specimen.stiffnesses, self.yield_drifts, strict=True)
+        pairs = zip(chain.stiffnesses, self.yield_drifts, strict=True)
         return tuple(BilinearSpring(stiffness, drift, self.post_yield_ratio) for stiffness, drift in pairs)
 
     def sensors(self, floors: int, seed: int) -> Sensors:
@@ -240,24 +260,22 @@ class SimulatedTableConfig:
         accelerations = self.acceleration_noise, self.acceleration_resolution
         return Sensors(floors, *accelerations, self.shear_noise, self.displacement_noise, self.force_noise, seed)
 
-    def specimen(self, model: ShearBuilding) -> ShearBuilding:
+    def specimen(self, model: LinearBuilding) -> LinearBuilding:
         """Return the true specimen on the simulated table: the model with `specimen_stiffness_factor`.
 
         Parameters
         ----------
-        model : ShearBuilding
+        model : LinearBuilding
             The specimen as the section ``specimen`` describes it.
         """
-        stiffnesses = tuple(self.specimen_stiffness_factor * stiffness for stiffness in model.stiffnesses)
-        damping = tuple(self.specimen_damping_factor * damping for damping in model.damping_coefficients)
-        return ShearBuilding(model.masses, stiffnesses, damping)
+        return model.with_factors(stiffness=self.specimen_stiffness_factor, damping=self.specimen_damping_factor)
 
-    def plant(self, specimen: ShearBuilding) -> Plant:
+    def plant(self, specimen: LinearBuilding) -> Plant:
         """Return table and specimen as one system, without the pure delay.
 
         Parameters
         ----------
-        specimen : ShearBuilding
+        specimen : LinearBuilding
             What stands on the table.
 
         Returns
@@ -293,7 +311,9 @@ class SimulatedTableConfig:
     @property
     def own_sections(self) -> tuple[float, ...]:
         """Analog sections of the table as if nothing stood on it."""
-        if self.dynamics == "sections":
+        if self.dynamics == "measured" and not self.sections:
+            raise InputError("simulated_table.frequency_response: not fitted yet; with_fitted_table(config) does it")
+        if self.dynamics in ("sections", "measured"):
             return self.sections
         return () if self.dynamics == "perfect" else servo_sections(*self._servo())
 
@@ -321,7 +341,7 @@ class SimulatedTable(ModelTable):
     ----------
     config : SimulatedTableConfig
         Table and sensors.
-    specimen : ShearBuilding
+    specimen : LinearBuilding
         Model of what stands on the table, n floors.
     time_step : float
         Δt [s].
@@ -329,7 +349,7 @@ class SimulatedTable(ModelTable):
         Seed of the sensor noise.
     """
 
-    def __init__(self, config: SimulatedTableConfig, specimen: ShearBuilding, time_step: float, seed: int) -> None:
+    def __init__(self, config: SimulatedTableConfig, specimen: LinearBuilding, time_step: float, seed: int) -> None:
         self._masses = np.asarray(specimen.masses)
         self._platen_mass = config.platen_mass
         whole, self._fraction = divmod(config.command_delay / time_step, 1.0)
@@ -342,7 +362,8 @@ class SimulatedTable(ModelTable):
             self._damaged_from = config.softening_step(time_step)
         self._yielding: YieldingPlant | None = None
         if config.yield_drifts:
-            self._yielding = YieldingPlant(config.plant, real, config.springs(real), time_step, self._fraction)
+            chain = chain_of(real, "simulated_table.yield_drifts")
+            self._yielding = YieldingPlant(config.plant, chain, config.springs(real), time_step, self._fraction)
         super().__init__(config.sensors(specimen.stories, seed))
 
     def _discretised(self, plant: Plant) -> _Held:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.parameters import parameter
 from bmd_rths_core.physical_bounds import DAMPING, DAMPING_RATIO, MASS, STIFFNESS
-from bmd_rths_core.structure.shear_building import ShearBuilding, stories
+from bmd_rths_core.structure.config import BuildingConfig
 
 
 @dataclass(frozen=True)
-class SpecimenConfig:
+class SpecimenConfig(BuildingConfig):
     """Stories above the interface, from the table up: control layer, then superstructure."""
 
     SECTION: ClassVar[str] = "specimen"
@@ -41,7 +41,7 @@ class SpecimenConfig:
     identified_frequency: float = parameter(
         37.31,
         description="Identified natural frequency of the first mode, for stability analyses with one mode; "
-        "0 takes that of the stories",
+        "0 takes that of the stories, which is the default for every other specimen than that of the paper",
         unit="rad/s",
         source="Chen et al. 2020: 5.94 Hz",
         lower=0.0,
@@ -50,17 +50,8 @@ class SpecimenConfig:
     identified_damping_ratio: float = parameter(
         0.0214,
         description="Identified damping ratio of the first mode, for stability analyses with one mode; "
-        "0 takes that of the stories",
+        "0 takes that of the stories, which is the default for every other specimen than that of the paper",
         unit="1",
         source="Chen et al. 2020: 2.14 %",
         **DAMPING_RATIO,
     )
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check_parameters(self)
-        self.building()
-
-    def building(self) -> ShearBuilding:
-        """Return the experimental substructure as a shear building."""
-        return stories(self.SECTION, self.masses, self.stiffnesses, self.damping_coefficients)
