@@ -15,7 +15,7 @@ from bmd_rths_nodes.cli.options import log, printable
 
 #: Commands in the order of the help; each is the function of its name in the module of its name.
 COMMANDS = (
-    *("run", "simulate", "campaign", "robustness", "stability", "identify"),
+    *("run", "simulate", "campaign", "robustness", "benchmark", "stability", "identify"),
     *("analyze", "export", "replay", "monitor", "layouts", "figures", "motions", "emulate", "doctor"),
 )
 
