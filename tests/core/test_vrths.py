@@ -146,7 +146,7 @@ def test_actuator_moves_as_its_equations(height):
     exact = solve_ivp(slope, (0.0, times[-1]), np.zeros(5), t_eval=times, rtol=1e-10, atol=1e-9, method="DOP853").y
     moved = []
     for step in range(len(times)):
-        actuator.exchange(step, np.full(2, height))
+        actuator.move(step, np.full(2, height))
         moved.append((actuator.true_displacement[1], actuator.true_force[1]))
     displacement, force = np.array(moved).T
     np.testing.assert_allclose(displacement, exact[3], atol=2e-3 * np.abs(exact[3]).max())
@@ -164,7 +164,7 @@ def test_limit_acts_in_every_evaluation():
 
     state = np.zeros(5)
     for step in range(150):
-        actuator.exchange(step, np.array([0.3]))
+        actuator.move(step, np.array([0.3]))
         state = slopes_by_hand(slope, state, TIME_STEP)
         assert actuator.true_displacement[0] == pytest.approx(state[3], rel=1e-9)
     assert abs(state[2]) > 8900.0
@@ -306,7 +306,7 @@ def test_trim_makes_another_actuator_answer_as_the_nominal_one():
         for step, value in enumerate(wanted.tolist()):
             command = np.full(3, value)
             applied = command if trim is None else trim.applied(command, seen.displacement)
-            seen = actuator.exchange(step, applied)
+            seen = actuator.move(step, applied)
             moved.append(actuator.true_displacement)
         answer = np.array(moved)[len(times) // 2 :]
         errors.append(np.std(answer[:, 1:] - answer[:, :1], axis=0) / np.std(answer[:, 0]))
@@ -317,7 +317,7 @@ def test_trim_makes_another_actuator_answer_as_the_nominal_one():
 def test_trim_leaves_a_resting_actuator_alone():
     trim, actuator = Trim(2), Actuator([NOMINAL, OTHER], [0, 1])
     for step in range(4096):
-        actuator.exchange(step, trim.applied(np.zeros(2), actuator.read(step).displacement))
+        actuator.move(step, trim.applied(np.zeros(2), actuator.read(step).displacement))
     np.testing.assert_allclose(trim.gain, 1.0, atol=0.01)
     np.testing.assert_allclose(trim.lag * 48.2, 1.0, atol=0.01)
 

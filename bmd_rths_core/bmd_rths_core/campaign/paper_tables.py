@@ -121,7 +121,13 @@ def is_paper_system(config: Config) -> bool:
 
 
 def changes_the_system(parameters: Iterable[str]) -> bool:
-    """Tell whether one of some parameters, ``section.key``, makes another system of the one of the tables."""
+    """Tell whether one of some parameters makes another system of the one of the tables.
+
+    Parameters
+    ----------
+    parameters : iterable of str
+        Names, ``section.key``.
+    """
     return any(
         name.partition(".")[0] in _OF_THE_SYSTEM or name == "force_correction.feedback_scale" for name in parameters
     )

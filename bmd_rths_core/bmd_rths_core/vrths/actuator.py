@@ -88,7 +88,7 @@ class Actuator:
         self.true_displacement = self.true_force = np.zeros(lanes)
         self.limited = np.zeros(lanes, dtype=bool)
 
-    def exchange(self, step: int, command: FloatArray) -> ActuatorMeasurement:
+    def move(self, step: int, command: FloatArray) -> ActuatorMeasurement:
         """Apply a command for one step and return the sensors at its end.
 
         Parameters

@@ -125,7 +125,7 @@ class _LaneLoop:
         command = self._tracker.step(Asked(numerical.state, begun.ground_acceleration, at_begin))
         self._displacement[step], self._measured[step] = numerical.displacements, at_begin.displacement
         self._command[step], self._force[step] = command[0], at_begin.force[0]
-        self._now = self._actuator.exchange(step, command)
+        self._now = self._actuator.move(step, command)
         now = self._clock.now()
         self._conductor.measured(self._now, now)  # type: ignore[arg-type]
         # The force at the begin of the last step acts over this one.

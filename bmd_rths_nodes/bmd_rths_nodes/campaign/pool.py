@@ -13,7 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from bmd_rths_core.campaign.study import FinishedRun, Piece, run_piece
 from bmd_rths_core.errors import InputError
@@ -24,6 +24,9 @@ _AHEAD = 2
 _ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
 
 Results = list[dict[str, Any]]
+
+Work = TypeVar("Work")
+Done = TypeVar("Done")
 
 
 class CampaignStopped(Exception):
@@ -63,40 +66,40 @@ class PieceRunner:
         return results
 
 
-def in_process(pieces: Iterator[Piece], run: PieceRunner) -> Iterator[Results]:
+def in_process(pieces: Iterator[Work], run: Callable[[Work], Done]) -> Iterator[Done]:
     """Run one piece after the other.
 
     Parameters
     ----------
-    pieces : iterator of Piece
-        The pieces.
-    run : PieceRunner
+    pieces : iterator
+        The pieces of the work.
+    run : callable
         What to do with each.
 
     Yields
     ------
-    list of dict
-        The results of a piece.
+    Any
+        What a piece gave.
     """
     return map(run, pieces)
 
 
-def in_processes(pieces: Iterator[Piece], run: PieceRunner, jobs: int) -> Iterator[Results]:
+def in_processes(pieces: Iterator[Work], run: Callable[[Work], Done], jobs: int) -> Iterator[Done]:
     """Run pieces in processes of this machine.
 
     Parameters
     ----------
-    pieces : iterator of Piece
-        The pieces.
-    run : PieceRunner
+    pieces : iterator
+        The pieces of the work.
+    run : callable
         What to do with each.
     jobs : int
         Number of processes.
 
     Yields
     ------
-    list of dict
-        The results of a piece, as they come.
+    Any
+        What a piece gave, as they come.
 
     Raises
     ------
@@ -184,7 +187,7 @@ def has_bag(result: dict[str, Any], bags: Path) -> bool:
     return bag_is_whole(bag_of(result, bags))
 
 
-def _ahead(pieces: Iterator[Piece], submit: Callable[[Piece], Future[Results]], most: int) -> Iterator[Results]:
+def _ahead(pieces: Iterator[Work], submit: Callable[[Work], Future[Done]], most: int) -> Iterator[Done]:
     """Keep some pieces under way and return results as they come."""
     under_way = {submit(piece) for piece in itertools.islice(pieces, most)}
     while under_way:

@@ -182,7 +182,7 @@ def run_study(
         task = progress.add_task("runs", total=study.size)
         pending = _pending(study, results, bags, keys, lambda runs: progress.advance(task, runs))
         run = pool.PieceRunner(bags)
-        processes = jobs or min(_usable_cores(), 1 + study.size // _WORTH_A_PROCESS)
+        processes = jobs or min(usable_cores(), 1 + study.size // _WORTH_A_PROCESS)
         if study.engine and bags is not None:
             finished = _on_ros(pending, bags, lambda text: progress.update(task, description=f"{text}; runs"))
         elif scheduler is not None:
@@ -234,7 +234,7 @@ def _draw(results: Sequence[dict[str, Any]], vary: Mapping[str, Sequence[object]
     return write_study_plots(study_plots(results, vary), folder)
 
 
-def _usable_cores() -> int:
+def usable_cores() -> int:
     """Return the cores this process may use, or all where the system does not tell (macOS, Windows)."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

@@ -15,7 +15,18 @@ from bmd_rths_nodes.cli.options import log, printable
 
 #: Commands in the order of the help; each is the function of its name in the module of its name.
 COMMANDS = (
-    *("new-rig", "check", "commission", "run", "simulate", "campaign", "robustness", "stability", "identify"),
+    *(
+        "new-rig",
+        "check",
+        "commission",
+        "run",
+        "simulate",
+        "campaign",
+        "robustness",
+        "benchmark",
+        "stability",
+        "identify",
+    ),
     *("analyze", "export", "replay", "monitor", "layouts", "figures", "motions", "emulate", "doctor"),
 )
 
