@@ -17,6 +17,12 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["numpy", "scipy", "filterpy", "PyYAML"],
-    extras_require={"export": ["h5py", "pyarrow"], "plots": ["matplotlib"], "obspy": ["obspy"], "xlsx": ["openpyxl"]},
+    extras_require={
+        "export": ["h5py", "pyarrow"],
+        "plots": ["matplotlib"],
+        "obspy": ["obspy"],
+        "asdf": ["h5py"],
+        "xlsx": ["openpyxl"],
+    },
     zip_safe=False,
 )

@@ -1,16 +1,19 @@
 """Bounds of parameters: what can be built, with room on both sides.
 
 Numbers beyond them are a mistaken unit or a slip of the keyboard, and what is computed from them overflows, does not
-fit into memory or never ends. They are wide on purpose: a bound is no recommendation. Sources:
+fit into memory or never ends. They are wide on purpose: a bound is no recommendation. Where a
+source is named the bound lies a factor of ten or more beyond it; everything else is assumed.
 
-- masses and stiffnesses: from a bench-top model of 0.1 kg on a ruler (1 N/m) to a story of a tall building, 1e7 kg on
-  1e11 N/m (Chopra, Dynamics of Structures, 5th ed., examples of chapters 12 and 13), with a factor of ten;
-- shake tables: the largest is E-Defense, 1 m, 2 m/s, 15 m/s² with 1.2e6 kg (Nakashima et al. 2018, Earthquake Engng
-  Struct. Dyn. 47, 1-23); small electric ones reach 100 m/s² and a thrust of 50 N;
+- masses and stiffnesses: assumed; from a bench-top model of 0.1 kg on a ruler (1 N/m) to a story of a tall building,
+  1e7 kg on 1e11 N/m, with a factor of ten; dampings, weights, lengths and drifts are those of such stories;
+- shake tables: the largest is E-Defense, 1 m, 2 m/s, 9 m/s² (15 m/s² upwards) with 1.2e6 kg (Horiuchi et al. 2022,
+  J. Disaster Res. 17, 985-999); small electric ones are assumed to reach 100 m/s² with a thrust of 50 N;
 - hydraulics: oil of 7e8 to 2e9 Pa, supplies of 7 to 35 MPa, valves of 10 to 300 Hz (Merritt 1967, Hydraulic Control
   Systems);
 - natural frequencies: beyond `LARGEST_FREQUENCY` the exact integration of a story loses more than 1e-4 to rounding
-  (measured: 6 % at 1e6 rad/s, in proportion to the square).
+  (measured: 6 % at 1e6 rad/s, in proportion to the square);
+- noises, variances, factors, coefficients, ramps and limits: assumed; beyond them sums of squares overflow, or a test
+  would take minutes to begin or to end.
 """
 
 from __future__ import annotations

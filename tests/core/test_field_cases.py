@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -531,7 +532,7 @@ def test_archive_without_a_record_is_refused(write) -> None:
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
-@given(data=st.data(), kind=st.sampled_from(["smc", "sac", "zip", "csv", "numbers", "miniseed"]))
+@given(data=st.data(), kind=st.sampled_from(["smc", "sac", "zip", "csv", "numbers", "miniseed", "afad"]))
 def test_damaged_records_are_read_or_refused_in_one_line(tmp_path: Path, data: st.DataObject, kind: str) -> None:
     samples = {
         "smc": smc().encode(),
@@ -539,6 +540,7 @@ def test_damaged_records_are_read_or_refused_in_one_line(tmp_path: Path, data: s
         "zip": zipped({"x.AT2": at2().encode()}),
         "csv": csv("time_s,acc_ns_g,acc_ew_g", columns=2).encode(),
         "numbers": csv("", " ").lstrip().encode(),
+        "afad": afad(),
         "miniseed": b"000001D XXX  00HNEYY" + bytes(492),
     }
     content = bytearray(samples[kind])
@@ -551,3 +553,96 @@ def test_damaged_records_are_read_or_refused_in_one_line(tmp_path: Path, data: s
         read_ground_motion(path, "ns" if kind == "csv" else "only", time_step=0.0)
     except InputError as error:
         assert len(str(error).splitlines()) == 1  # noqa: PT017  (either is right)
+
+
+def afad(values="", header="", names="     N-S         E-W         U-D     ", peaks="RAW PGA VALUES (gal)", points=60):
+    """Return an old AFAD file, as its readers elsewhere describe it: raw values in gal."""
+    rows = values or "".join(f"{10 * np.sin(0.3 * i):12.6f}{5 * np.cos(0.3 * i):12.6f}{i:12.6f}\n" for i in range(60))
+    return (
+        "STRONG GROUND MOTION RECORDS OF TURKIYE\nPLACE\t:\tDÜZCE METEOROLOJI MÜDÜRLÜGÜ\n"
+        "EARTHQUAKE DATE\t:\t17/08/1999 00:01:39.07 (GMT)\nEPICENTER COORDINATES : 40.75000N - 29.86000E\n"
+        f"{header}NUMBER OF DATA\t:\t{points}\nSAMPLING INTERVAL(sec)\t:\t0.010000\n"
+        f"{peaks}\t:\t(N-S) 9.99 (E-W) 5.00 (U-D) 59.00\n\nBy using these data you agree\n\n{names}\n{rows}"
+    ).encode("latin-1")
+
+
+def test_old_text_of_afad_is_read_and_is_raw(tmp_path):
+    path = tmp_path / "19990817.txt"
+    path.write_bytes(afad())
+    with pytest.raises(InputError, match=r"line 7: .*RAW PGA VALUES"):
+        read_ground_motion(path, "N-S")
+    motion = read_ground_motion(path, "e-w", high_pass=True)
+    assert motion.time_step == 0.01
+    np.testing.assert_allclose(motion.acceleration, 0.05 * np.cos(0.3 * np.arange(60)), atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (afad(points=61), "60 .* 61"),
+        (afad(points=0), "line 5: '0'; a number > 0"),
+        (afad(points="many"), "line 5: "),
+        (afad(names="a b c"), "no line with the names N-S"),
+        (afad(peaks="PEAKS"), "no header line 'RAW PGA'"),
+        (afad(peaks="RAW PGA VALUES (furlong)"), "line 7: "),
+        (afad(values="1.0 2.0 3.0\n1.0 2.0\n"), "line 13: "),
+        (b"STRONG GROUND MOTION RECORDS OF TURKIYE", "no line with the names"),
+    ],
+)
+def test_wrong_text_of_afad_is_refused_in_one_line(tmp_path, content, message):
+    path = tmp_path / "x.txt"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as refused:
+        read_ground_motion(path, "N-S", high_pass=True)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def asdf(rates=(200.0, 200.0), name="XX.STA..HN{}", file_format="ASDF", values=None, twice=False):
+    """Return an ASDF file of one station, as its definition has it."""
+    out = io.BytesIO()
+    with h5py.File(out, "w") as file:
+        file.attrs["file_format"] = np.bytes_(file_format)
+        station = file.create_group("Waveforms/XX.STA")
+        station.create_dataset("StationXML", data=np.frombuffer(b"<xml/>", np.int8))
+        for i, rate in enumerate(rates):
+            channel = name.format("NE"[0 if twice else i])
+            data = np.sin(0.1 * np.arange(50)) * (1 + i) if values is None else values
+            dataset = station.create_dataset(f"{channel}__2000-01-01T00:00:0{i}__2000-01-01T00:00:09__raw", data=data)
+            dataset.attrs["sampling_rate"] = rate
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("component", ["XX.STA..HNE", "hne"])
+def test_asdf_is_read_by_channel(tmp_path, component):
+    path = tmp_path / "a.h5"
+    path.write_bytes(asdf())
+    motion = read_ground_motion(path, component, "g")
+    assert motion.time_step == 0.005
+    np.testing.assert_allclose(motion.acceleration, 2.0 * 9.80665 * np.sin(0.1 * np.arange(50)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (asdf(file_format="HDF"), "an HDF5 file, but no ASDF"),
+        (asdf(rates=(0.0, 200.0)), "at 0 Hz; one row at a rate > 0"),
+        (asdf(values=np.zeros((3, 4))), "one row at a rate > 0"),
+        (asdf(twice=True), "HNN has 2 pieces with gaps between"),
+        (asdf()[:1200], "damaged, or no ASDF"),
+        (asdf()[:8] + bytes(200), "damaged, or no ASDF"),
+    ],
+)
+def test_wrong_asdf_is_refused_in_one_line(tmp_path, content, message):
+    path = tmp_path / "a.h5"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as refused:
+        read_ground_motion(path, "HNN", "g")
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_asdf_that_crashes_the_library_does_not_end_this_process(tmp_path, monkeypatch):
+    monkeypatch.setattr("bmd_rths_core.ground_motion.formats.asdf._READ", "import os; os.kill(os.getpid(), 11)")
+    path = tmp_path / "a.h5"
+    path.write_bytes(asdf())
+    with pytest.raises(InputError, match="the HDF5 library ended with signal 11"):
+        read_ground_motion(path, "HNN", "g")

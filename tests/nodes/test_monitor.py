@@ -1,8 +1,13 @@
 """`bmd-rths monitor`: what a run tells, without the run noticing."""
 
+import itertools
 import json
+from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile
+from rosbags.highlevel import AnyReader
 
 from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.ros.status import NodeStatus
@@ -67,6 +72,22 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
 
 def test_domain_without_a_run_is_one_clear_line(bmd_rths, domain):
     result = bmd_rths("monitor", "--json").wait()
+    assert (result.status, result.output) == (1, "")
+    assert result.errors == f"error: no run is on ROS domain {domain}\n"
+
+
+@pytest.mark.slow
+def test_bag_that_is_played_is_no_live_test(bmd_rths, client, domain, composed_run):
+    with AnyReader([Path(composed_run.told["bag"])]) as reader:
+        wanted = [connection for connection in reader.connections if connection.topic == "/diagnostics"]
+        told = [data for _, _, data in reader.messages(wanted)]
+    assert len(told) > 10
+    player = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=100))
+    monitor = bmd_rths("monitor", "--json")
+    wait_until(lambda: player.get_subscription_count())
+    statuses = itertools.cycle(told)
+    wait_until(lambda: player.publish(next(statuses)) or monitor.process.poll() is not None)
+    result = monitor.wait()
     assert (result.status, result.output) == (1, "")
     assert result.errors == f"error: no run is on ROS domain {domain}\n"
 

@@ -9,7 +9,9 @@ from importlib import resources
 from pathlib import Path
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats.afad import AFAD
 from bmd_rths_core.ground_motion.formats.archive import archive_format
+from bmd_rths_core.ground_motion.formats.asdf import ASDF
 from bmd_rths_core.ground_motion.formats.at2 import AT2
 from bmd_rths_core.ground_motion.formats.cosmos import COSMOS
 from bmd_rths_core.ground_motion.formats.csmip import CSMIP
@@ -33,7 +35,7 @@ from bmd_rths_core.ground_motion.motion import GroundMotion
 
 #: The formats that are read. A new one is a new module, and one entry here.
 FORMATS: tuple[RecordFormat, ...] = (
-    *(AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT, SMC, SAC, MINISEED),
+    *(AT2, CSV, KNET, COSMOS, CSMIP, GEONET, ESM, CWA, JMA, SIMCENTER, MAT, SMC, SAC, MINISEED, AFAD, ASDF),
     NUMBERS,  # what no other one recognises
 )
 
