@@ -112,7 +112,7 @@ def resonances(config: Config) -> np.ndarray:
     """Return the poles that F may have, one of each pair: those of the true building, with several dampings."""
     building = config.simulated_table.specimen(config.specimen.building())
     modes = building.stacked_on(config.numerical_substructure.building()).modes()
-    pairs = [(w, z) for w, own in zip(*modes[:2], strict=True) for z in (own, *DAMPING)]
+    pairs = [(w, z) for w, own in zip(modes.frequencies, modes.damping_ratios, strict=True) for z in (own, *DAMPING)]
     return np.array([np.exp(config.run.time_step * w * (-z + 1j * np.sqrt(1.0 - z**2))) for w, z in pairs])
 
 
