@@ -8,6 +8,7 @@ from typing import Any
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureConfig
 from bmd_rths_core.structure.config import MATRICES, NO_FILE, STORIES
+from bmd_rths_core.table.emulated.config import VirtualControllerConfig
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
 from bmd_rths_core.table.models.simulated import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
@@ -40,7 +41,15 @@ def completed(mapping: Mapping[str, Any]) -> Sections:
         if values and isinstance(given, Mapping):
             sections[section] = {**values, **given}
     _mode_of_the_stories(sections)
+    _emulated_as_measured(sections)
     return sections
+
+
+def _emulated_as_measured(sections: Sections) -> None:
+    """Let the emulator have the measured table, where there is one."""
+    table, given = sections.get(SimulatedTableConfig.SECTION), sections.get(VirtualControllerConfig.SECTION, {})
+    if isinstance(table, Mapping) and table.get("dynamics") == "measured" and isinstance(given, Mapping):
+        sections[VirtualControllerConfig.SECTION] = {"model": "servo", **given}
 
 
 def _mode_of_the_stories(sections: Sections) -> None:

@@ -14,12 +14,12 @@ import yaml
 from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from bmd_rths_core.config import RunConfig
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import OUTCOMES, FloatArray, RunRecord
 from bmd_rths_core.renamed_parameters import convert_renamed
 from bmd_rths_core.rest_record import rest_record
+from bmd_rths_core.run_config import RunConfig
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.bag_completeness import (
     MAX_METADATA,

@@ -13,9 +13,10 @@ from bmd_rths_core.analysis.live_signals import GrowingColumns, LiveSignals
 from bmd_rths_core.analysis.moving_tracking import MovingTracking
 from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.analysis.thinning import thinned
-from bmd_rths_core.config import Config, RunConfig, config_from_mapping
+from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import TimingStatistics
 from bmd_rths_core.renamed_parameters import convert_renamed
+from bmd_rths_core.run_config import RunConfig
 from bmd_rths_msgs_py.bag_description import read_object, read_timing
 from bmd_rths_msgs_py.bag_reader import motion_of, step_of_stamp
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors

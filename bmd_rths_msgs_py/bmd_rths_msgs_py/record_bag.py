@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from bmd_rths_core.compensators.registry import compensators
-from bmd_rths_core.config import RunConfig
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.rest_record import RestRecord
+from bmd_rths_core.run_config import RunConfig
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter

@@ -90,7 +90,8 @@ def test_simulation_stability_and_emulator_take_it(fitted):
     assessment = assess(config, AnalysisOptions())
     assert set(assessment.analyses) == {"continuous", "continuous_complete", "discrete"}
     assert assessment.go
-    make_virtual_controller(config.changed(virtual_controller__model="servo"), Faults())
+    assert config.virtual_controller.model == "servo"
+    make_virtual_controller(config, Faults())
 
 
 def test_a_file_beside_the_configuration_is_found(tmp_path, noisy):

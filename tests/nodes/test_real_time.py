@@ -6,15 +6,15 @@ import sys
 
 import pytest
 
-from bmd_rths_core.config import RealTimeConfig
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.run_config import RealTimeConfig
 from bmd_rths_nodes.ros.real_time import enter_real_time
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
 #: Enter real time beside a thread that is there and before one that comes, and tell what each has.
 ASK = """
 import os, sys, threading
-from bmd_rths_core.config import RealTimeConfig
+from bmd_rths_core.run_config import RealTimeConfig
 from bmd_rths_nodes.ros.real_time import enter_real_time
 from bmd_rths_core.errors import InputError
 

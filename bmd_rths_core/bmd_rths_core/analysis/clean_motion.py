@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.analysis.true_building import true_specimen
 from bmd_rths_core.config import Config
+from bmd_rths_core.loop.build import make_calibration
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.stages.shear_estimator import steady_state_filter
 from bmd_rths_core.table.models.sensors import noise_streams
@@ -58,7 +59,8 @@ def clean_motion(record: RunRecord, config: Config) -> CleanMotion:
     measured = record.floor_accelerations
     if not measured.size:
         measured = np.full((record.steps, stories), np.nan)
-    if config.table.controller == "simulated" and measured.shape[1] == stories:
+    as_simulated = config.table.controller == "simulated" and make_calibration(config).is_identity
+    if as_simulated and measured.shape[1] == stories:
         sensors = config.simulated_table
         noise = noise_streams(config.run.seed)[0].standard_normal((record.steps, stories + 2))
         noise *= sensors.acceleration_noise

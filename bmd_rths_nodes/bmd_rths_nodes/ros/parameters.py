@@ -47,7 +47,7 @@ def read_configuration(node: Node) -> Config:
             raise InputError(f"{name}: {override.value!r} is not a section; parameters with values are required")
         mapping.setdefault(section, {})[key] = _plain(override)
     config = config_from_mapping(mapping)
-    if config.simulated_table.dynamics != "measured":
+    if config.simulated_table.dynamics != "measured" or config.simulated_table.sections:
         return config
     from bmd_rths_core.identification.measured_table import with_fitted_table  # few have to wait for scipy.signal
 

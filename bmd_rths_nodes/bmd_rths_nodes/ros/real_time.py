@@ -5,8 +5,8 @@ from __future__ import annotations
 import ctypes
 import os
 
-from bmd_rths_core.config import RealTimeConfig
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.run_config import RealTimeConfig
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
