@@ -30,6 +30,7 @@ suppress_warnings = ["myst.xref_missing"]
 
 autodoc_typehints = "none"  # numpydoc says types, shapes and units
 numpydoc_show_class_members = False
+autosummary_generate = False
 
 html_theme = "furo"
 html_title = "bmd_rths"

@@ -157,7 +157,13 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
 
 
 def assumption(analysis: RunAnalysis) -> str:
-    """Return what table the results come from, and what is assumed of it."""
+    """Return what table the results come from, and what is assumed of it.
+
+    Parameters
+    ----------
+    analysis : RunAnalysis
+        The run.
+    """
     table, controller = analysis.config.table, analysis.record.controller
     if controller == "unknown" and analysis.record.outcome == "cut":
         return "What moved the table is not known: the recording has no end."
