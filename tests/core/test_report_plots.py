@@ -1,12 +1,15 @@
 """Figures of a report: nothing is cut off or covered, text stays text, and the files are reproducible."""
 
+import base64
 import dataclasses
+import io
 import re
 from itertools import combinations
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from fontTools.ttLib import TTFont
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -14,14 +17,27 @@ from bmd_rths_core.analysis.run_analysis import analysed
 from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.analysis.thinning import thinned
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
 from bmd_rths_core.plots.svg import svg
 from bmd_rths_core.report.document import Document, Folded, Paragraph, Picture, Section, Table
+from bmd_rths_core.report.figure_files import figures_of, write_figures
 from bmd_rths_core.report.pdf import _pieces, _sheets, write_pdf
 from bmd_rths_core.report.reported_run import ReportedRun
-from bmd_rths_core.report.sections import energy, forces, frequencies, hysteresis, responses, timing, tracking, transfer
+from bmd_rths_core.report.run_report import run_report
+from bmd_rths_core.report.sections import (
+    drifts,
+    energy,
+    forces,
+    frequencies,
+    hysteresis,
+    responses,
+    timing,
+    tracking,
+    transfer,
+)
 from bmd_rths_core.report.sections.comparison import comparisons
 
 #: What a reader has to find on each figure.
@@ -57,8 +73,8 @@ def svg_of(drawing):
 
 
 @pytest.fixture(scope="module")
-def data():
-    """Compute what every figure shows, with yielding stories and half of the shear."""
+def run():
+    """Run a test with yielding stories and half of the shear."""
     config = Config().changed(
         ground_motion__duration=8.0,
         force_correction__feedback_scale=0.5,
@@ -70,7 +86,12 @@ def data():
     steps = np.arange(1600.0)
     begun = 0.005 * steps
     closed = begun + 1e-3 * np.random.default_rng(0).gamma(4.0, 0.4, size=1600)
-    run = ReportedRun(analysed(record), StepTiming(steps, begun, closed, 0.005, (100, 101)))
+    return ReportedRun(analysed(record), StepTiming(steps, begun, closed, 0.005, (100, 101)))
+
+
+@pytest.fixture(scope="module")
+def data(run):
+    """Compute what every figure shows."""
     figures = {name: make(run) for name, make in FIGURES.items()}
     (figures["comparison"],) = comparisons([run, run])
     return figures
@@ -188,3 +209,74 @@ def test_a_page_of_a_tall_building_ends_on_one_sheet(data):
     found = data["responses"]
     tall = dataclasses.replace(found, floors=found.floors * 10)
     assert tall.height <= 297.0 - 40.0
+
+
+def curves(axes):
+    """Return colour and dashes of every curve of some axes."""
+    return [(line.get_color(), line.get_linestyle()) for line in axes.lines]
+
+
+@pytest.mark.parametrize(("name", "at"), [("responses", 1), ("tracking", 0)])
+def test_run_and_reference_are_told_apart_without_colour_where_single_cycles_are_seen(data, name, at):
+    axes = drawn(data[name])[at]
+    begin, end = axes.get_xlim()
+    assert end - begin == pytest.approx(3.0)
+    assert [dashes for _, dashes in curves(axes)] == ["-", "--"]
+    assert "around the largest response" in texts(svg_of(data[name]))
+
+
+def test_close_up_holds_the_largest_response_or_what_was_chosen(run):
+    close_up = run.closely
+    largest = 0.005 * np.argmax(np.abs(run.analysis.reference[:, -1]))
+    assert close_up.begin <= largest <= close_up.end
+    chosen = dataclasses.replace(run, window=(2.0, 3.5))
+    for name in ("responses", "tracking", "forces"):
+        figure = FIGURES[name](chosen)
+        assert "as chosen" in texts(svg_of(figure))
+        assert (2.0, 3.5) in [axes.get_xlim() for axes in drawn(figure)]
+    (together,) = comparisons([chosen, chosen])
+    assert together.window == (2.0, 3.5)
+    short = dataclasses.replace(run.analysis, reference=run.analysis.reference[:0])
+    assert dataclasses.replace(run, analysis=short).closely.begin == 0.0
+
+
+def test_figures_of_a_report_are_files_with_truetype_inside(run, tmp_path):
+    document = run_report(run)
+    names = list(figures_of(document))
+    assert names[:3] == ["quality", "response_of_the_floors", "tracking_of_the_table"]
+    assert {"hysteresis", "hysteresis_2"} <= set(names)
+    wanted = ("response_of_the_floors", "hysteresis_2")
+    paths = write_figures(document, tmp_path, wanted)
+    assert sorted(path.name for path in paths) == sorted(f"{n}.{ending}" for n in wanted for ending in ("pdf", "svg"))
+    assert set(tmp_path.iterdir()) == set(paths)
+    first = [path.read_bytes() for path in paths]
+    assert [path.read_bytes() for path in write_figures(document, tmp_path, wanted)] == first
+    for path, content in zip(paths, first, strict=True):
+        if path.suffix == ".pdf":
+            assert b"/Type3" not in content
+            assert b"/FontFile2" in content
+        else:
+            assert "interface (computed)" in texts(content) or "specimen story 1" in texts(content)
+            embedded = re.search(rb"font/ttf;base64,([^)]+)\)", content)[1]
+            font = TTFont(io.BytesIO(base64.b64decode(embedded)))
+            assert {ord(letter) for letter in texts(content) if letter != "\n"} <= set(font.getBestCmap())
+    with pytest.raises(InputError, match="--only nothing: no figure of this report; some of quality, response"):
+        write_figures(document, tmp_path, ["nothing"])
+
+
+def test_report_for_print_has_no_type_3(run, tmp_path):
+    write_pdf(run_report(run), tmp_path / "report.pdf")
+    assert b"/Type3" not in (tmp_path / "report.pdf").read_bytes()
+
+
+def test_tables_of_displacements_and_drifts(run):
+    floors, stories, _ = drifts.blocks(run)
+    assert [row[0] for row in floors.rows] == ["interface"]
+    assert [row[0] for row in stories.rows] == ["specimen story 2", "specimen story 1", "numerical story 1"]
+    drift = run.motion.drifts[:, 0]
+    _, own, _, difference, residual, shear = stories.rows[-1]
+    assert own == f"{1e3 * np.abs(drift).max():.3f}"
+    assert residual == f"{1e3 * drift[-1]:.3f}"
+    assert shear == f"{1e-3 * np.abs(run.motion.story_forces).max():.2f}"
+    # A story that yields drifts further than the table can tell from a building whose shear is whole.
+    assert float(difference) == pytest.approx(100.0 * (float(own) / float(stories.rows[-1][2]) - 1.0), abs=0.5)

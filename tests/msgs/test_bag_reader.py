@@ -119,6 +119,15 @@ def test_way_to_rest_comes_back_bit_for_bit(record: RunRecord, same: Same, tmp_p
     assert np.signbit(found.way_to_rest.command[-1])
 
 
+def test_bag_of_a_way_to_rest_alone_is_one_of_no_step(record: RunRecord, tmp_path: Path) -> None:
+    nothing = {name: values[:0] for name, values in record.signals().items()}
+    whole = with_way_to_rest(record, 0)
+    found = read_bag(write_record(replace(whole, **nothing), tmp_path / "run"))
+    assert (found.steps, found.outcome) == (0, "finished")
+    assert found.way_to_rest is not None
+    assert found.way_to_rest.same_signals(whole.way_to_rest)
+
+
 def test_older_bag_has_no_way_to_rest(bag: Path) -> None:
     found = read_bag(bag)
     assert (found.outcome, found.way_to_rest) == ("finished", None)

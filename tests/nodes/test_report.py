@@ -207,3 +207,36 @@ def test_bag_of_another_version_is_refused_by_name(run_main, record, tmp_path):
     status, output, errors = run_main("analyze", bag)
     assert (status, output, errors.count("\n")) == (2, "", 1)
     assert f"{bag}: configuration: unknown_section" in errors
+
+
+def test_figures_for_a_paper(run_main, record, tmp_path):
+    bag = write_record(record, tmp_path / "bag")
+    arguments = ("--figures", "figures", "--only", "response_of_the_floors", "--window", "2,4")
+    status, output, errors = run_main("analyze", bag, *arguments, "--json")
+    assert status == 0
+    assert json.loads(output)["outcome"] == "finished"
+    files = [f"figures/response_of_the_floors.{ending}" for ending in ("pdf", "svg")]
+    assert errors.splitlines() == [f"figure: {file}" for file in files]
+    assert "time [s], as chosen" in (tmp_path / files[1]).read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("--window", "1,2"), "--window: nothing is drawn; --report or --figures is required"),
+        (("--only", "forces", "--report", "r.html"), "--only: --figures is required"),
+        (("--window", "2", "--report", "r.html"), "--window 2: BEGIN,END in seconds is required"),
+        (("--window", "2,1", "--report", "r.html"), "--window 2,1: 0 <= BEGIN < END is required"),
+        (
+            ("--window", "1,99", "--report", "r.html"),
+            "--window: 99 s is behind the end of bag; at most 6 s is required",
+        ),
+        (("--figures", "f", "--only", "face"), "--only face: no figure of this report; some of quality, response"),
+    ],
+)
+def test_wrong_figure_or_window_is_one_line(run_main, record, tmp_path, arguments, problem):
+    bag = write_record(record, tmp_path / "bag")
+    status, output, errors = run_main("analyze", bag, *arguments)
+    assert (status, output) == (2, "")
+    assert errors.startswith(f"error: {problem}")
+    assert errors.count("\n") == 1

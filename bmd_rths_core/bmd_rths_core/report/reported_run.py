@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,31 @@ T = TypeVar("T")
 _LEAST_STEPS = 3
 
 
+#: Length of what is shown closely [s]: some ten periods of the buildings that stand on shake tables.
+CLOSE = 3.0
+
+
+class CloseUp(NamedTuple):
+    """A window of time.
+
+    Parameters
+    ----------
+    begin, end : float
+        [s].
+    name : str
+        What it is.
+    """
+
+    begin: float
+    end: float
+    name: str
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Begin and end [s]."""
+        return self.begin, self.end
+
+
 @dataclass(frozen=True)
 class ReportedRun:
     """One run, of any length, with any gaps; what it does not have is a reason why a section cannot be shown.
@@ -34,10 +59,13 @@ class ReportedRun:
         The run and its errors.
     timing : StepTiming or str
         Its timing, or why it has none.
+    window : tuple of float, optional
+        Begin and end of what is shown closely [s]; by default `CLOSE` s around the largest response.
     """
 
     analysis: RunAnalysis
     timing: StepTiming | str
+    window: tuple[float, float] | None = None
 
     @property
     def record(self) -> RunRecord:
@@ -58,6 +86,17 @@ class ReportedRun:
     def strong_motion(self) -> tuple[float, float]:
         """Begin and end of the strong motion [s]."""
         return strong_motion(self.record.ground_acceleration, self.record.time_step)
+
+    @cached_property
+    def closely(self) -> CloseUp:
+        """What is shown so closely that curves which nearly agree are told apart in print."""
+        if self.window is not None:
+            return CloseUp(*self.window, "as chosen")
+        response, step = np.abs(self.analysis.reference[:, -1]), self.record.time_step
+        middle = float(np.argmax(response)) * step if len(response) else 0.0
+        last = max(self.record.steps - 1, 0) * step
+        begin = max(0.0, min(middle, last - 0.5 * CLOSE) - 0.5 * CLOSE)
+        return CloseUp(begin, max(min(begin + CLOSE, last), begin + step), "around the largest response")
 
     @property
     def no_history(self) -> str:

@@ -110,7 +110,9 @@ def campaign(
     unstable run is a result; the exit status is 0.
     """
     if plots:
-        require_matplotlib()
+        from bmd_rths_nodes.cli.report_file import require_matplotlib
+
+        require_matplotlib("--plots")
     if jobs is not None and scheduler is not None:
         raise InputError("--jobs, --scheduler: only one of them is possible")
     if on_ros and (jobs is not None or scheduler is not None):
@@ -197,16 +199,6 @@ def run_study(
             results.append(result for result in piece if result["key"] not in results)
             progress.advance(task, len(piece))
     return keys, len(keys) - ran
-
-
-def require_matplotlib() -> None:
-    """Refuse to begin what ends with plots where they cannot be drawn."""
-    try:
-        import bmd_rths_core.plots.study  # noqa: F401
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != "matplotlib":
-            raise
-        raise InputError("matplotlib: not installed; --plots requires it (pip install matplotlib)") from error
 
 
 def _write_study(config: Config, results: Iterator[dict[str, Any]], with_margins: bool, output: Path) -> Path:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bmd_rths_core.analysis.run_analysis import RunAnalysis
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.bag_timing import read_timing_of_steps
+
+if TYPE_CHECKING:
+    from bmd_rths_core.report.document import Document
 
 #: Formats by the ending of the file.
 FORMATS = (".html", ".pdf")
@@ -30,21 +34,65 @@ def check_report_file(path: Path) -> None:
         raise InputError(f"--report {path}: unknown ending {path.suffix!r}; one of {', '.join(FORMATS)} is required")
     if path.is_dir() or not path.parent.is_dir():
         raise InputError(f"--report {path}: a file in a folder that exists is required")
+    require_matplotlib("a report")
+
+
+def require_matplotlib(what: str) -> None:
+    """Refuse what needs figures where they cannot be drawn.
+
+    Parameters
+    ----------
+    what : str
+        What needs them.
+
+    Raises
+    ------
+    InputError
+        matplotlib is not installed.
+    """
     try:
         import bmd_rths_core.report.pdf  # noqa: F401
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "matplotlib":
             raise
-        raise InputError("matplotlib: not installed; a report requires it (pip install matplotlib)") from error
+        raise InputError(f"matplotlib: not installed; {what} requires it (pip install matplotlib)") from error
 
 
-def write_report(analyses: Sequence[RunAnalysis], path: Path) -> None:
-    """Write the report of one run, or the comparison of several.
+def document_of(analyses: Sequence[RunAnalysis], window: tuple[float, float] | None = None) -> Document:
+    """Return the report of one run, or the comparison of several.
 
     Parameters
     ----------
     analyses : sequence of RunAnalysis
         The runs, read from bags.
+    window : tuple of float, optional
+        Begin and end of what is shown closely [s].
+
+    Raises
+    ------
+    InputError
+        The window is not in a run.
+    """
+    from bmd_rths_core.report.comparison_report import comparison_report
+    from bmd_rths_core.report.reported_run import ReportedRun
+    from bmd_rths_core.report.run_report import run_report
+
+    for analysis in analyses:
+        last = (analysis.record.steps - 1) * analysis.record.time_step
+        if window is not None and window[1] > last:
+            name = Path(analysis.record.source).name
+            raise InputError(f"--window: {window[1]:g} s is behind the end of {name}; at most {last:g} s is required")
+    runs = [ReportedRun(analysis, read_timing_of_steps(analysis.record), window) for analysis in analyses]
+    return run_report(runs[0]) if len(runs) == 1 else comparison_report(runs)
+
+
+def write_report(document: Document, path: Path) -> None:
+    """Write a report.
+
+    Parameters
+    ----------
+    document : Document
+        The report.
     path : Path
         The file; its ending is the format.
 
@@ -53,14 +101,9 @@ def write_report(analyses: Sequence[RunAnalysis], path: Path) -> None:
     InputError
         The file cannot be written.
     """
-    from bmd_rths_core.report.comparison_report import comparison_report
     from bmd_rths_core.report.html import page_of
     from bmd_rths_core.report.pdf import write_pdf
-    from bmd_rths_core.report.reported_run import ReportedRun
-    from bmd_rths_core.report.run_report import run_report
 
-    runs = [ReportedRun(analysis, read_timing_of_steps(analysis.record)) for analysis in analyses]
-    document = run_report(runs[0]) if len(runs) == 1 else comparison_report(runs)
     try:
         if path.suffix.lower() == ".pdf":
             write_pdf(document, path)
@@ -79,7 +122,5 @@ def page_of_run(analysis: RunAnalysis) -> str:
         The run, read from a bag.
     """
     from bmd_rths_core.report.html import page_of
-    from bmd_rths_core.report.reported_run import ReportedRun
-    from bmd_rths_core.report.run_report import run_report
 
-    return page_of(run_report(ReportedRun(analysis, read_timing_of_steps(analysis.record))))
+    return page_of(document_of([analysis]))

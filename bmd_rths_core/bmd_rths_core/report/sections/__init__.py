@@ -8,6 +8,7 @@ from bmd_rths_core.report.document import Block, Drawing
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.sections import (
     adaptation,
+    drifts,
     energy,
     errors,
     forces,
@@ -57,6 +58,7 @@ SECTIONS: tuple[ReportSection, ...] = (
     quality,
     limits,
     responses,
+    drifts,
     tracking,
     adaptation,
     frequencies,

@@ -127,7 +127,7 @@ def comparisons(reports: Sequence[ReportedRun]) -> list[Comparison]:
                 OverlaidRun(f"run {number}: {report.config.run.scheme}", floors)
                 for number, report, floors in group[:MOST_CURVES]
             ),
-            window=_window(group[0][2]),
+            window=group[0][1].window or _window(group[0][2]),
             left_out=len(group[MOST_CURVES:]),
         )
         for group in groups

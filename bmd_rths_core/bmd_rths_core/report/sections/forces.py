@@ -43,6 +43,8 @@ class InterfaceForces:
         Share of the shear that is fed back; estimate and measurement are multiplied by it.
     strong_motion : tuple of float
         Begin and end [s].
+    window : tuple of float, optional
+        Begin and end of what is shown closely, where that was chosen [s].
     """
 
     time: FloatArray
@@ -53,6 +55,12 @@ class InterfaceForces:
     unbalanced: FloatArray
     feedback_scale: float
     strong_motion: tuple[float, float]
+    window: tuple[float, float] | None = None
+
+    @property
+    def closely(self) -> tuple[float, float]:
+        """Begin and end of what is shown closely [s]."""
+        return self.largest if self.window is None else self.window
 
     @property
     def largest(self) -> tuple[float, float]:
@@ -79,18 +87,24 @@ class InterfaceForces:
         )
         for values, label, look in curves:
             if np.isfinite(values).any():
-                for axes, window in ((shears, self.strong_motion), (zoom, self.largest)):
+                for axes, window in ((shears, self.strong_motion), (zoom, self.closely)):
                     plot_history(axes, *between(self.time, values / 1e3, window), label=label, **look)
         plot_history(unbalanced, self.time, self.unbalanced / 1e3, color=VERMILION, linewidth=0.6)
         shears.legend(ncols=4, **ABOVE)
         shears.set(ylabel="shear [kN]", xlim=self.strong_motion, xlabel="time [s], strong motion")
-        shears.axvspan(*self.largest, color="0.93", linewidth=0.0)
-        zoom.set(ylabel="shear [kN]", xlim=self.largest, xlabel="time [s], around the largest shear, shaded above")
+        shears.axvspan(*self.closely, color="0.93", linewidth=0.0)
+        name = "around the largest shear" if self.window is None else "as chosen"
+        zoom.set(ylabel="shear [kN]", xlim=self.closely, xlabel=f"time [s], {name}, shaded above")
         unbalanced.axvspan(*self.strong_motion, color="0.93", linewidth=0.0)
         unbalanced.set(ylabel="unbalanced [kN]", xlim=(0.0, self.time[-1]), xlabel="time [s], strong motion shaded")
 
 
-def interface_forces(record: RunRecord, feedback_scale: float, strong_motion: tuple[float, float]) -> InterfaceForces:
+def interface_forces(
+    record: RunRecord,
+    feedback_scale: float,
+    strong_motion: tuple[float, float],
+    window: tuple[float, float] | None = None,
+) -> InterfaceForces:
     """Return the forces of a run.
 
     Parameters
@@ -101,6 +115,8 @@ def interface_forces(record: RunRecord, feedback_scale: float, strong_motion: tu
         Share of the shear that is fed back.
     strong_motion : tuple of float
         Begin and end [s].
+    window : tuple of float, optional
+        Begin and end of what is shown closely [s].
     """
     estimated = feedback_scale * record.interface_force
     return InterfaceForces(
@@ -112,6 +128,7 @@ def interface_forces(record: RunRecord, feedback_scale: float, strong_motion: tu
         record.required_force - estimated,
         feedback_scale,
         strong_motion,
+        window,
     )
 
 
@@ -119,7 +136,7 @@ def figure(run: ReportedRun) -> InterfaceForces | str:
     """Return the figure of a run, or why there is none."""
     return part(
         run.no_forces,
-        lambda: interface_forces(run.record, run.config.force_correction.feedback_scale, run.strong_motion),
+        lambda: interface_forces(run.record, run.config.force_correction.feedback_scale, run.strong_motion, run.window),
     )
 
 

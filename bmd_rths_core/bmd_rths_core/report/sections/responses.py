@@ -17,7 +17,7 @@ from bmd_rths_core.plots.layout import Canvas, grid_in_mm, legend_on_top
 from bmd_rths_core.plots.style import BLACK, ORANGE
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.document import Block, Table, shown
-from bmd_rths_core.report.reported_run import ReportedRun, part
+from bmd_rths_core.report.reported_run import CloseUp, ReportedRun, part
 from bmd_rths_core.report.wording import number
 
 FloatArray = NDArray[np.float64]
@@ -26,12 +26,15 @@ TITLE = "Response of the floors"
 
 CAPTION = (
     "Absolute acceleration of every floor. The reference is the building without partition under the recorded ground "
-    "motion. Strong motion is from 5 % to 95 % of the Arias intensity."
+    "motion. On the right is what is shaded on the left."
 )
 
 #: How the curves of a run and of the reference are drawn.
 RUN: dict[str, Any] = {"color": ORANGE, "linewidth": 1.4, "label": "run"}
 REFERENCE: dict[str, Any] = {"color": BLACK, "linewidth": 0.6, "label": "reference: building without partition"}
+
+#: How the reference is drawn where single cycles are seen: its dashes tell it from the run without colour.
+DASHED: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (4, 1.5))}
 
 
 @dataclass(frozen=True)
@@ -71,12 +74,12 @@ class FloorResponses:
     ----------
     floors : tuple of FloorResponse
         From the ground up.
-    strong_motion : tuple of float
-        Begin and end of the strong motion [s].
+    close_up : CloseUp
+        What is shown on the right.
     """
 
     floors: tuple[FloorResponse, ...]
-    strong_motion: tuple[float, float]
+    close_up: CloseUp
 
     @property
     def height(self) -> float:
@@ -84,26 +87,25 @@ class FloorResponses:
         return min(20.0 + 32.0 * len(self.floors), 250.0)
 
     def draw(self, figure: Canvas) -> None:
-        """Draw every floor, top floor first: the whole run on the left, the strong motion on the right."""
+        """Draw every floor, top floor first: the whole run on the left, a part of it on the right."""
         grid = grid_in_mm(figure, len(self.floors), 2, top=11.0, between=(7.0, 12.0))
         rows = grid.subplots(squeeze=False, sharex="col", sharey="row")
         for (whole, zoom), floor in zip(rows, reversed(self.floors), strict=True):
-            for axes, window in ((whole, None), (zoom, self.strong_motion)):
-                for values, look in ((floor.run, RUN), (floor.reference, REFERENCE)):
-                    curve = (floor.time, values) if window is None else between(floor.time, values, window)
-                    plot_history(axes, *curve, **look)
+            for values, look, dashes in ((floor.run, RUN, {}), (floor.reference, REFERENCE, DASHED)):
+                plot_history(whole, floor.time, values, **look)
+                plot_history(zoom, *between(floor.time, values, self.close_up.limits), **{**look, **dashes})
             whole.set_xlim(0.0, floor.time[-1])
-            whole.axvspan(*self.strong_motion, color="0.93", linewidth=0.0)
+            whole.axvspan(*self.close_up.limits, color="0.93", linewidth=0.0)
             whole.set_title(f"{floor.name}: RMSE {_percent(floor.rmse_percent)}", loc="left")
             zoom.set_title(f"peak error {_percent(floor.peak_error_percent)}", loc="left")
             whole.set_ylabel("[m/s²]")
-        rows[-1, 0].set_xlabel("time [s], strong motion shaded")
-        rows[-1, 1].set(xlabel="time [s], strong motion", xlim=self.strong_motion)
-        legend_on_top(figure, rows[0, 0], 2)
+        rows[-1, 0].set_xlabel("time [s]")
+        rows[-1, 1].set(xlabel=f"time [s], {self.close_up.name}", xlim=self.close_up.limits)
+        legend_on_top(figure, rows[0, 1], 2)
 
 
 def floor_responses(
-    record: RunRecord, reference: FloatArray, motion: NumericalMotion, strong_motion: tuple[float, float]
+    record: RunRecord, reference: FloatArray, motion: NumericalMotion, close_up: CloseUp
 ) -> FloorResponses:
     """Return the responses of all floors.
 
@@ -115,8 +117,8 @@ def floor_responses(
         Absolute acceleration of every floor of the whole building [m/s²].
     motion : NumericalMotion
         The numerical substructure.
-    strong_motion : tuple of float
-        Begin and end [s].
+    close_up : CloseUp
+        What is shown closely.
 
     Returns
     -------
@@ -137,7 +139,7 @@ def floor_responses(
     ]
     if not record.stable:
         floors = [replace(floor, rmse_percent=np.nan, peak_error_percent=np.nan) for floor in floors]
-    return FloorResponses(tuple(floors), strong_motion)
+    return FloorResponses(tuple(floors), close_up)
 
 
 def _floor(name: str, time: FloatArray, run: FloatArray, reference: FloatArray) -> FloorResponse:
@@ -151,9 +153,7 @@ def _percent(value: float) -> str:
 
 def figure(run: ReportedRun) -> FloorResponses | str:
     """Return the figure of a run, or why there is none."""
-    return part(
-        run.no_history, lambda: floor_responses(run.record, run.analysis.reference, run.motion, run.strong_motion)
-    )
+    return part(run.no_history, lambda: floor_responses(run.record, run.analysis.reference, run.motion, run.closely))
 
 
 def blocks(run: ReportedRun) -> list[Block]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ from bmd_rths_core.plots.layout import ABOVE, LABELS, Canvas, grid_in_mm
 from bmd_rths_core.plots.style import BLACK, BLUE, ORANGE, VERMILION
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.document import Block, shown
-from bmd_rths_core.report.reported_run import ReportedRun, part
+from bmd_rths_core.report.reported_run import CloseUp, ReportedRun, part
 
 FloatArray = NDArray[np.float64]
 
@@ -26,6 +27,9 @@ CAPTION = (
     "Acceleration of the table against the desired one, both at the end of a step. The delay is that of the largest "
     "cross-correlation; windows with less than a tenth of the strongest motion are left out."
 )
+
+#: How the desired acceleration is drawn: its dashes tell it from the achieved one without colour.
+DESIRED: dict[str, Any] = {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 1.5))}
 
 #: Length and distance of the windows in which the delay is estimated, and the longest one that is looked for [s].
 WINDOW, HOP, LONGEST = 2.0, 0.5, 0.1
@@ -44,8 +48,8 @@ class TrackingHistory:
         [s].
     desired, achieved : ndarray, shape (N,)
         Of the interface, and measured on the table [m/s²].
-    strong_motion : tuple of float
-        Begin and end [s].
+    close_up : CloseUp
+        What is shown closely.
     delay_time, delay_ms : ndarray, shape (w,)
         Middle of a window [s] and the delay in it [ms]; quiet windows are left out.
     overall_delay_ms : float
@@ -55,7 +59,7 @@ class TrackingHistory:
     time: FloatArray
     desired: FloatArray
     achieved: FloatArray
-    strong_motion: tuple[float, float]
+    close_up: CloseUp
     delay_time: FloatArray
     delay_ms: FloatArray
     overall_delay_ms: float
@@ -71,14 +75,14 @@ class TrackingHistory:
         history, error = grid[:2, 0].subgridspec(2, 1, hspace=0.12).subplots(sharex=True, squeeze=False)[:, 0]
         delay = figure.add_subplot(grid[2, 0])
         synchronisation = figure.add_subplot(grid[:2, 1])
-        window = self.strong_motion
+        window = self.close_up.limits
         plot_history(history, *between(self.time, self.achieved, window), color=ORANGE, linewidth=1.4, label="achieved")
-        plot_history(history, *between(self.time, self.desired, window), color=BLACK, linewidth=0.6, label="desired")
+        plot_history(history, *between(self.time, self.desired, window), label="desired", **DESIRED)
         difference = self.achieved - self.desired
         plot_history(error, *between(self.time, difference, window), color=VERMILION, linewidth=0.7)
         history.legend(ncols=2, **ABOVE)
         history.set(ylabel="[m/s²]", xlim=window)
-        error.set(ylabel="error [m/s²]", xlim=window, xlabel="time [s], strong motion")
+        error.set(ylabel="error [m/s²]", xlim=window, xlabel=f"time [s], {self.close_up.name}")
         synchronisation.plot(self.desired, self.achieved, color=BLUE, linewidth=0.3, rasterized=True)
         _diagonal(synchronisation)
         synchronisation.set(xlabel="desired [m/s²]", ylabel="achieved [m/s²]", title="synchronisation")
@@ -92,20 +96,20 @@ class TrackingHistory:
         delay.set(xlabel="time [s], whole run", ylabel="delay [ms]", xlim=(0.0, self.time[-1]))
 
 
-def tracking_history(record: RunRecord, strong_motion: tuple[float, float]) -> TrackingHistory:
+def tracking_history(record: RunRecord, close_up: CloseUp) -> TrackingHistory:
     """Return how the table followed in time.
 
     Parameters
     ----------
     record : RunRecord
         The run.
-    strong_motion : tuple of float
-        Begin and end [s].
+    close_up : CloseUp
+        What is shown closely.
     """
     desired, achieved = record.desired_acceleration[1:], record.table_acceleration[:-1]
     times, delays = delay_over_time(filled(desired), filled(achieved), record.time_step)
     overall = 1e3 * tracking_delay(desired, achieved, record.time_step)
-    return TrackingHistory(record.time[1:], desired, achieved, strong_motion, times, delays, overall)
+    return TrackingHistory(record.time[1:], desired, achieved, close_up, times, delays, overall)
 
 
 def delay_over_time(desired: FloatArray, achieved: FloatArray, time_step: float) -> tuple[FloatArray, FloatArray]:
@@ -158,7 +162,7 @@ def _diagonal(axes: Axes) -> None:
 
 def figure(run: ReportedRun) -> TrackingHistory | str:
     """Return the figure of a run, or why there is none."""
-    return part(run.no_table, lambda: tracking_history(run.record, run.strong_motion))
+    return part(run.no_table, lambda: tracking_history(run.record, run.closely))
 
 
 def blocks(run: ReportedRun) -> list[Block]:
