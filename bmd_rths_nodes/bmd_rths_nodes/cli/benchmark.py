@@ -219,6 +219,7 @@ def _run(
 
 def _show(summaries: Sequence[Summary]) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from bmd_rths_core.report.benchmark_report import HEADER, criteria_rows
@@ -226,9 +227,11 @@ def _show(summaries: Sequence[Summary]) -> None:
     console = Console(soft_wrap=True)
     console.width = max(console.width, _WIDTH)  # in a file too, no number is cut
     for motion, scheme in dict.fromkeys((one.motion, one.scheme) for one in summaries):
-        table = Table(title=f"{scheme}, {motion} at 0.4 of the record", title_justify="left", title_style="bold")
+        table = Table(
+            title=escape(f"{scheme}, {motion} at 0.4 of the record"), title_justify="left", title_style="bold"
+        )
         for i, label in enumerate(HEADER[1:]):
-            table.add_column(label, justify="left" if i == 1 else "right")
+            table.add_column(escape(label), justify="left" if i == 1 else "right")
         for row in criteria_rows([one for one in summaries if (one.motion, one.scheme) == (motion, scheme)]):
             table.add_row(*row[1:])
         console.print(table)
