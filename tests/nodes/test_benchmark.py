@@ -60,7 +60,7 @@ def test_table_is_shown(run_main, record):
     status, output, _ = run_main("benchmark", "vrths", "--motion", record, *FEW[:2], "--schemes", "uc", *FEW[4:])
     assert status == 0
     assert "uc, pulse at 0.4 of the record" in output
-    for text in ("nominal", "mean of 2", "worst of 2", "J9 [%]"):
+    for text in ("nominal", "mean of 2", "worst of 2", "J1 [ms]", "J9 [%]"):
         assert text in output
 
 

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.ground_motion.formats.record_format import UNIT_CHOICES
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
 from bmd_rths_nodes.cli.campaign import usable_cores
 from bmd_rths_nodes.cli.options import check_writable, json_option, progress_bar
 
@@ -22,12 +24,12 @@ if TYPE_CHECKING:
     from bmd_rths_core.ground_motion.motion import GroundMotion
     from bmd_rths_core.vrths.study import BenchmarkPiece, FinishedPiece, NominalRun, Summary
 
-#: Folder with the records that are no part of this project, and where it has those of the problem.
+#: Folder with the records that are no part of this project, where it has those of the problem, and units not stated.
 FOLDER_VARIABLE = "BMD_RTHS_GROUND_MOTIONS"
 _RECORDS = {
-    "el_centro": "El_Centro/RSN6_IMPVALL.I_I-ELC180*",
-    "kobe": "Kobe/RSN1106_KOBE_KJM000*",
-    "morgan_hill": "Morgan_Hill/MorganAccelNoScaling*",
+    "el_centro": ("El_Centro/RSN6_IMPVALL.I_I-ELC180*", FROM_FILE),
+    "kobe": ("Kobe/RSN1106_KOBE_KJM000*", FROM_FILE),
+    "morgan_hill": ("Morgan_Hill/MorganAccelNoScaling*", "m/s2"),
 }
 _CHIRP, _SHIPPED = "chirp", "el_centro_1940_ns"
 
@@ -51,6 +53,7 @@ def benchmark() -> None:
     help=f"Record, taken at 0.4; repeatable: a file, a shipped record, {_CHIRP}, or {', '.join(_RECORDS)} of the "
     f"folder in {FOLDER_VARIABLE}.  [default: {_SHIPPED}]",
 )
+@click.option("--unit", type=click.Choice(UNIT_CHOICES), default=FROM_FILE, help="Of a file that does not state it.")
 @click.option("--plants", type=click.IntRange(min=0), default=20, show_default=True, help="Perturbed plants.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of plants and noise.")
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. [default: one for every core]")
@@ -66,6 +69,7 @@ def vrths(
     schemes: str | None,
     cases: str,
     motions: tuple[str, ...],
+    unit: str,
     plants: int,
     seed: int,
     jobs: int | None,
@@ -87,7 +91,7 @@ def vrths(
     names = list(dict.fromkeys(names))
     for name in names:
         make_tracker(name, numbers[0], 1)  # refuses what tracks no displacement, before the work begins
-    records = [_record(reference) for reference in dict.fromkeys(motions or (_SHIPPED,))]
+    records = [_record(reference, unit) for reference in dict.fromkeys(motions or (_SHIPPED,))]
     called = [record.name for record in records]
     if twice := {name for name in called if called.count(name) > 1}:
         raise InputError(f"--motion: two records are called {min(twice)!r}; one of each name is required")
@@ -140,7 +144,7 @@ def _cases(text: str) -> list[int]:
     return list(dict.fromkeys(known[part] for part in parts))
 
 
-def _record(reference: str) -> GroundMotion:
+def _record(reference: str, unit: str) -> GroundMotion:
     """Return a record at the rate and the intensity of the problem."""
     from bmd_rths_core.ground_motion.library import read_ground_motion
     from bmd_rths_core.vrths.study import benchmark_motion, chirp
@@ -148,19 +152,20 @@ def _record(reference: str) -> GroundMotion:
     if reference == _CHIRP:
         return benchmark_motion(chirp())
     if reference in _RECORDS and not os.path.exists(reference):
-        return benchmark_motion(read_ground_motion(_of_folder(reference)))
-    return benchmark_motion(read_ground_motion(reference))
+        path, unit = _of_folder(reference)
+        return benchmark_motion(read_ground_motion(path, unit=unit))
+    return benchmark_motion(read_ground_motion(reference, unit=unit))
 
 
-def _of_folder(name: str) -> Path:
-    """Return the file of a record of the problem."""
-    folder = os.environ.get(FOLDER_VARIABLE, "")
+def _of_folder(name: str) -> tuple[Path, str]:
+    """Return the file of a record of the problem, and its unit."""
+    folder, (pattern, unit) = os.environ.get(FOLDER_VARIABLE, ""), _RECORDS[name]
     if not folder:
-        raise InputError(f"--motion {name}: {FOLDER_VARIABLE} is not set; a folder with {_RECORDS[name]} is required")
-    found = sorted(Path(folder).glob(_RECORDS[name]))
+        raise InputError(f"--motion {name}: {FOLDER_VARIABLE} is not set; a folder with {pattern} is required")
+    found = sorted(Path(folder).glob(pattern))
     if not found:
-        raise InputError(f"--motion {name}: {folder} has no {_RECORDS[name]}")
-    return found[0]
+        raise InputError(f"--motion {name}: {folder} has no {pattern}")
+    return found[0], unit
 
 
 @dataclass(frozen=True)
@@ -214,6 +219,7 @@ def _run(
 
 def _show(summaries: Sequence[Summary]) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from bmd_rths_core.report.benchmark_report import HEADER, criteria_rows
@@ -221,9 +227,11 @@ def _show(summaries: Sequence[Summary]) -> None:
     console = Console(soft_wrap=True)
     console.width = max(console.width, _WIDTH)  # in a file too, no number is cut
     for motion, scheme in dict.fromkeys((one.motion, one.scheme) for one in summaries):
-        table = Table(title=f"{scheme}, {motion} at 0.4 of the record", title_justify="left", title_style="bold")
+        table = Table(
+            title=escape(f"{scheme}, {motion} at 0.4 of the record"), title_justify="left", title_style="bold"
+        )
         for i, label in enumerate(HEADER[1:]):
-            table.add_column(label, justify="left" if i == 1 else "right")
+            table.add_column(escape(label), justify="left" if i == 1 else "right")
         for row in criteria_rows([one for one in summaries if (one.motion, one.scheme) == (motion, scheme)]):
             table.add_row(*row[1:])
         console.print(table)
