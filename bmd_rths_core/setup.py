@@ -19,7 +19,7 @@ setup(
     install_requires=["numpy", "scipy", "filterpy", "PyYAML"],
     extras_require={
         "export": ["h5py", "pyarrow"],
-        "plots": ["matplotlib"],
+        "plots": ["matplotlib", "fonttools"],
         "obspy": ["obspy"],
         "asdf": ["h5py"],
         "xlsx": ["openpyxl"],

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
 
 #: Distributions whose module has another name.
-MODULE_OF = {"PyYAML": "yaml"}
+MODULE_OF = {"PyYAML": "yaml", "fonttools": "fontTools"}
 
 
 def lint_imports(root):
