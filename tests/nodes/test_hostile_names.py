@@ -28,6 +28,8 @@ ROW = {
     "capture": {"substructure": 0.5, "superstructure": None},
     **{"tracking_error_percent": 102.0, "delay_ms": -1.0, "verdict": "red"},
     **{"spectral_radius": 0.99, "peak_command": 3.8, "peak_displacement": None},
+    **{"peak_velocity": 0.1, "peak_acceleration": None, "peak_force": 5.0},
+    **{"criteria": {"J1": 1.0, "J2": None}, "peak_drifts": [0.01, None]},
 }
 
 
