@@ -40,6 +40,8 @@ def _dynamics(table: SimulatedTableConfig) -> str:
         return "a perfect table"
     if table.dynamics == "sections":
         return "a table with the transfer function simulated_table.sections"
+    if table.dynamics == "measured":
+        return f"a table fitted to its measured frequency response, within {table.fit_error:.2%}"
     servo = (
         f"a servo table with poles of {table.servo_real_pole:g} and {table.servo_frequency:g} rad/s "
         f"(damping ratio {table.servo_damping_ratio:g})"
