@@ -452,3 +452,14 @@ def test_simulated_table_is_at_rest_at_zero_after_every_test(changes):
     assert np.nanmax(np.abs(record.table_displacement)) > 1e-3
     assert abs(table.displacement(10000)) < 1e-9
     assert abs(table.displacement(20000)) < 1e-9
+
+
+def test_table_stands_before_it_is_moved_and_when_it_was_brought_to_rest():
+    observed = supervisor()
+    assert observed.stands
+    for step, command in enumerate((1.0, -1.0, 0.0)):  # at rest again, and off zero by a small way
+        assert observed.check(step, command)
+        assert not observed.stands
+    observed.request(Action.RAMP)
+    assert way_to_rest(observed)
+    assert observed.stands

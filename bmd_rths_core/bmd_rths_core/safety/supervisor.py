@@ -13,7 +13,7 @@ from bmd_rths_core.safety.following import FollowingCheck
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
 from bmd_rths_core.safety.trips import Action, Trip
-from bmd_rths_core.safety.way_to_rest import Planner, WayToRest
+from bmd_rths_core.safety.way_to_rest import SETTLED_DISPLACEMENT, SETTLED_VELOCITY, Planner, WayToRest
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
 from bmd_rths_core.time_steps import most_steps
 
@@ -105,6 +105,13 @@ class SafetySupervisor:
     def passing(self) -> bool:
         """True while commands that keep the limits are passed on."""
         return self.state in (State.NORMAL, State.INDICATING)
+
+    @property
+    def stands(self) -> bool:
+        """True when the table stands at zero displacement by its commands, whatever is under way."""
+        motion = self._motion
+        near = abs(motion.velocity) <= SETTLED_VELOCITY and abs(motion.displacement) <= SETTLED_DISPLACEMENT
+        return near and motion.acceleration == 0.0
 
     @property
     def at_rest(self) -> bool:

@@ -242,7 +242,9 @@ class TableDriverNode(StageNode):
         if ended and self._driver.state is DriveState.FOLLOWING:
             self._test_ended = True
             action = _ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP)
-            if action is not Action.EMERGENCY_STOP:  # told first: the confirmation of the stop may take long
+            # A table that moves is brought to rest before anything else. Of one that stands it is told first that the
+            # test has ended, because the confirmation of its stop may take long.
+            if action is not Action.EMERGENCY_STOP and self._driver.supervisor.stands:
                 self._told = (DriveState.RETURNING, "", "")
                 self.set_state(NodeState.ENDED, "bringing the table to rest")
             self._driver.finish(action, time.perf_counter())
