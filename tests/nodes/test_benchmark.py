@@ -7,6 +7,10 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+import bmd_rths_nodes.cli.benchmark as benchmark
+from bmd_rths_core.ground_motion.formats.record_format import UNIT_CHOICES
+from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
+
 FEW = ("--cases", "2", "--schemes", "velocity_lead,lqg_adaptive", "--plants", "2", "--jobs", "1", "--output", "out")
 
 
@@ -88,3 +92,9 @@ def test_same_name_twice_is_refused(run_main, record, tmp_path):
         2,
         "error: --motion: two records are called 'pulse'; one of each name is required\n",
     )
+
+
+def test_units_are_those_of_the_records():
+    """The help of the command does without numpy, which the readers need."""
+    assert benchmark.UNITS == UNIT_CHOICES
+    assert benchmark.FROM_FILE == FROM_FILE

@@ -205,9 +205,9 @@ def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is
         "error: another run is active on this ROS domain (bmd-rths on this computer); end it, or set ROS_DOMAIN_ID"
     )
     second = bmd_rths("replay", simulated, "--ros").wait()
-    assert (second.status, second.errors.startswith(refused)) == (2, True), second
+    assert (second.status, refused in second.errors) == (2, True), second
     run = bmd_rths("run", CONFIG, "--set", "run.preflight=skip").wait()
-    assert (run.status, run.errors.startswith(refused)) == (2, True), run
+    assert (run.status, refused in run.errors) == (2, True), run
     first.interrupt()
     ended = first.wait(30.0)
     told = [

@@ -3,8 +3,10 @@
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,10 @@ import pytest
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "a_rig_of_your_own.md"
 
 #: The tutorial ends in less time than this [s].
-PATIENCE = 400
+PATIENCE = 200
+
+#: Limits that a busy machine does not pass by being late.
+PATIENT = ("run.longest_miss_time=5.0", "safety.stale_shear_time=2.0", "safety.stale_controller_time=5.0")
 
 
 def blocks():
@@ -34,17 +39,30 @@ def test_its_commands_run_as_they_stand(tmp_path, monkeypatch):
     """One script, in which the first command that fails ends it; the file is never edited."""
     program = tmp_path / "bin" / "bmd-rths"
     program.parent.mkdir()
-    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m bmd_rths_nodes.cli.main "$@"\n')
+    # How late a busy machine is says nothing about the page: `run` is patient here.
+    patience = " ".join(f"--set {pair}" for pair in PATIENT)
+    program.write_text(
+        f'#!/bin/sh\ncase "$1" in run) set -- "$@" {patience};; esac\n'
+        f'exec {sys.executable} -m bmd_rths_nodes.cli.main "$@"\n'
+    )
     program.chmod(0o755)
     folder = tmp_path / "work"
     (folder / "docs" / "tutorial").mkdir(parents=True)
     shutil.copy(TUTORIAL.with_name("table_response.csv"), folder / "docs" / "tutorial")
     environment = {**os.environ, "PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
     script = "set -eux\n" + "\n".join(blocks())
-    done = subprocess.run(
-        ["bash", "-c", script], cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-6000:]
+    told = tmp_path / "told.txt"
+    with told.open("w") as output:
+        done = subprocess.Popen(
+            ["bash", "-c", script], cwd=folder, env=environment, stdout=output, stderr=output, start_new_session=True
+        )
+    try:
+        status = done.wait(PATIENCE)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(done.pid, signal.SIGKILL)  # the emulator too, where the script did not come to its end
+        done.wait()
+    assert status == 0, told.read_text()[-8000:]
     assert (folder / "report.html").stat().st_size > 100_000
     assert (folder / "signals.csv").stat().st_size > 100_000
     bags = sorted(entry.name for entry in (folder / "bags").iterdir())

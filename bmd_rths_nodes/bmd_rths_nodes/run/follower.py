@@ -159,12 +159,12 @@ class RunFollower:
         return ""
 
     def _may_be_heard_of(self) -> bool:
-        """Tell whether the numerical substructure, of which nothing was heard yet, may run a test all the same."""
+        """Tell whether the numerical substructure may run a test of which nothing was heard yet."""
         now = time.perf_counter()
         self._hear_from = min(self._hear_from, now)
         there = self._processes.first_runs and NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
         longest = LONGEST_HEARING_TIMEOUT if there else HEARING_TIMEOUT
-        return not self._state and now < self._hear_from + longest
+        return self._state in ("", NodeState.READY) and now < self._hear_from + longest
 
     def _excuse(self) -> str:
         """Return why the run could not be brought to an end."""
