@@ -4,7 +4,6 @@ import asyncio
 import json
 import struct
 import time
-from importlib.util import find_spec
 
 import pytest
 from tornado.httpclient import HTTPRequest
@@ -20,10 +19,7 @@ from bmd_rths_nodes.monitor_page import foxglove_relay
 from bmd_rths_nodes.monitor_page.foxglove_relay import FoxgloveRelay
 from tests.nodes.conftest import CONFIG
 
-INSTALLED = pytest.mark.skipif(find_spec("foxglove") is None, reason="foxglove-sdk is not installed (extra foxglove)")
 
-
-@INSTALLED
 def test_messages_arrive_as_they_were_recorded_and_a_client_can_do_nothing(tmp_path):
     configuration = load_config(CONFIG).as_mapping()
     writer = BagWriter(tmp_path / "bag", metadata=start_metadata(configuration, {"name": "a"}, {}))
@@ -74,7 +70,6 @@ def test_messages_arrive_as_they_were_recorded_and_a_client_can_do_nothing(tmp_p
         writer.close(end_metadata("finished", "", None))
 
 
-@INSTALLED
 def test_port_in_use_is_one_line():
     relay = FoxgloveRelay(0)
     try:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.ground_motion.config import GroundMotionConfig, prepare_ground_motion
-from bmd_rths_core.ground_motion.library import read_ground_motion
+from bmd_rths_core.ground_motion.config import GroundMotionConfig, prepare_ground_motion, read_configured
 from bmd_rths_core.ground_motion.motion import GroundMotion
 
 
@@ -73,15 +72,7 @@ def ground_motion_as_run(config: GroundMotionConfig, time_step: float) -> Motion
     InputError
         See `bmd_rths_core.ground_motion.config.select_ground_motion`.
     """
-    record = read_ground_motion(
-        config.record,
-        config.component,
-        config.unit,
-        time_step=config.record_time_step,
-        columns=config.columns,
-        high_pass=config.high_pass_frequency > 0.0,
-    )
-    return as_run(record, config, time_step)
+    return as_run(read_configured(config), config, time_step)
 
 
 def as_run(record: GroundMotion, config: GroundMotionConfig, time_step: float) -> MotionAsRun:

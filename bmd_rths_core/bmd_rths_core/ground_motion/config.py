@@ -143,7 +143,23 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
         The record cannot be read, its component or unit is missing, its time step and Δt do not divide each other
         (before or after the time scale), or it is shorter than its fade-in.
     """
-    motion = read_ground_motion(
+    return prepare_ground_motion(read_configured(config), config, time_step)
+
+
+def read_configured(config: GroundMotionConfig) -> GroundMotion:
+    """Return the record of a configuration as its file has it.
+
+    Parameters
+    ----------
+    config : GroundMotionConfig
+        What is asked for.
+
+    Raises
+    ------
+    InputError
+        The record cannot be read, or its component or unit is missing.
+    """
+    return read_ground_motion(
         config.record,
         config.component,
         config.unit,
@@ -151,7 +167,6 @@ def select_ground_motion(config: GroundMotionConfig, time_step: float) -> Ground
         columns=config.columns,
         high_pass=config.high_pass_frequency > 0.0,
     )
-    return prepare_ground_motion(motion, config, time_step)
 
 
 def prepare_ground_motion(motion: GroundMotion, config: GroundMotionConfig, time_step: float) -> GroundMotion:

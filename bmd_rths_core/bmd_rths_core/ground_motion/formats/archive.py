@@ -80,6 +80,8 @@ def _members(file: RecordFile) -> list[RecordFile]:
                     path = Path(f"{file.path}!{Path(entry.filename).name}")
                     members.append(RecordFile(path, content, file.stated))
             return members
+    # What zipfile raises: a bad directory, bad data, a method it does not know, a password, an offset outside the file,
+    # an early end, and a name or date that is none.
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError, ValueError) as error:
         problem = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file.path}: a damaged archive: {problem}") from error
