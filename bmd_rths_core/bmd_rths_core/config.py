@@ -33,7 +33,7 @@ from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.emulated.config import VirtualControllerConfig
 from bmd_rths_core.table.models.identified import IdentifiedModelConfig
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
-from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
 from bmd_rths_core.table.rig import RigConfig
 from bmd_rths_core.verdict_bands import VerdictConfig

@@ -10,7 +10,7 @@ from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureCon
 from bmd_rths_core.structure.config import MATRICES, NO_FILE, STORIES
 from bmd_rths_core.table.emulated.config import VirtualControllerConfig
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicConfig
-from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 from bmd_rths_core.table.models.specimen import SpecimenConfig
 from bmd_rths_core.table.rig import RigConfig
 

@@ -9,7 +9,8 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.excitation import ExcitationSettings, displacement_of, excitation_command
 from bmd_rths_core.table.controller import TableCommand
-from bmd_rths_core.table.models.simulated import SimulatedTable, SimulatedTableConfig
+from bmd_rths_core.table.models.simulated import SimulatedTable
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 DT = 0.005
 SHORT = ExcitationSettings(duration=60.0)

@@ -6,7 +6,8 @@ import pytest
 from bmd_rths_core.config import Config
 from bmd_rths_core.stages.shear_estimator import ShearEstimator, ShearEstimatorConfig, kalman_filter
 from bmd_rths_core.table.controller import TableCommand
-from bmd_rths_core.table.models.simulated import SimulatedTable, SimulatedTableConfig
+from bmd_rths_core.table.models.simulated import SimulatedTable
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 DT = 0.005
 SPECIMEN = Config().specimen.building()

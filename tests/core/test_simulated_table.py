@@ -12,7 +12,8 @@ from bmd_rths_core.stability.models import simulated_table
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.dynamics import series, servo_sections
-from bmd_rths_core.table.models.simulated import SimulatedTable, SimulatedTableConfig
+from bmd_rths_core.table.models.simulated import SimulatedTable
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 DT = 0.005
 SPECIMEN = Config().specimen.building()

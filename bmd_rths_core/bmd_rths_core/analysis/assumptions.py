@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 
 def assumptions(config: Config, controller: str = "") -> str:

@@ -22,7 +22,7 @@ from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.loop.closed_loop import closed_loop, has_matrices
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.safety import SafetyConfig
-from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 FloatArray = NDArray[np.float64]
 

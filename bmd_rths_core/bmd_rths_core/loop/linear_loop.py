@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 FloatArray = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from bmd_rths_core.stability.loop_elements import ComplexArray, DiscreteCompensa
 from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
-from bmd_rths_core.table.models.simulated import SimulatedTableConfig
+from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
 
 FloatArray = NDArray[np.float64]
 
