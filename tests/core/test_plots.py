@@ -9,8 +9,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import matplotlib
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from bmd_rths_core.analysis.metrics import run_metrics
@@ -21,7 +23,7 @@ from bmd_rths_core.paper_figures.catalogue import figure_data
 from bmd_rths_core.paper_figures.systems import EIGHT_STORY, FIGURES
 from bmd_rths_core.plots import FORMATS
 from bmd_rths_core.plots.drawing import draw, write_figure
-from bmd_rths_core.plots.style import RESOLUTION, style
+from bmd_rths_core.plots.style import RESOLUTION, style, svg_of
 
 CONFIGS = Path(__file__).parents[2] / "config"
 
@@ -106,6 +108,18 @@ def test_same_data_give_the_same_bytes_whatever_a_user_has_set(data, number, tmp
         again = [path.read_bytes() for path in write_figure(data[number], tmp_path, FORMATS)]
         assert matplotlib.rcParams["font.size"] == 20.0
     assert first == again
+
+
+def test_the_last_bit_of_a_place_does_not_change_the_file():
+    def svg_of_axes(width):
+        figure = Figure()
+        figure.add_axes((0.1, 0.1, width, 0.5)).plot([0.0, 1.0])
+        return svg_of(figure, 100)
+
+    with style():
+        assert svg_of_axes(0.7) == svg_of_axes(np.nextafter(0.7, 1.0)) != svg_of_axes(0.6)
+        assert svg_of_axes(0.7).count(b'id="part_0"') == 1
+        assert b"url(#part_" in svg_of_axes(0.7)
 
 
 def test_curves_are_told_apart_without_colour(data):

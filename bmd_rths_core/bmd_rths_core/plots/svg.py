@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from io import BytesIO
 
 from matplotlib.figure import Figure
 
 from bmd_rths_core.plots.layout import Canvas
-from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
+from bmd_rths_core.plots.style import DOUBLE_COLUMN, style, svg_of
 
 #: Resolution of curves that are drawn as pixels [dots per inch].
 _RESOLUTION = 200
@@ -32,6 +31,4 @@ def svg(draw: Callable[[Canvas], None], height: float) -> bytes:
     with style():
         figure = Figure(figsize=(DOUBLE_COLUMN / 25.4, height / 25.4))
         draw(figure)
-        file = BytesIO()
-        figure.savefig(file, format="svg", dpi=_RESOLUTION, metadata={"Date": None})
-    return file.getvalue()
+        return svg_of(figure, _RESOLUTION)
