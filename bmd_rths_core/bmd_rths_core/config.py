@@ -85,6 +85,11 @@ class Config:
                 f"safety.stuck_time: {self.safety.stuck_time:g} s is less than one time step; "
                 f"run.time_step, {self.run.time_step:g} s, or more is required"
             )
+        if self.virtual_controller.answer_after >= self.run.time_step:
+            raise InputError(
+                f"virtual_controller.answer_after: {self.virtual_controller.answer_after:g} s; "
+                f"less than one time step, {self.run.time_step:g} s, is required"
+            )
         if self.simulated_table.softening_factor != 1.0 and not self.nonlinear.linear_chain:
             raise InputError(
                 "simulated_table.softening_factor: a specimen that softens over a numerical substructure that is not "

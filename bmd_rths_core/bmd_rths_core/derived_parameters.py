@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bmd_rths_core.parameters import build_section
+from bmd_rths_core.run_config import RunConfig
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructureConfig
 from bmd_rths_core.structure.config import MATRICES, NO_FILE, STORIES
 from bmd_rths_core.table.emulated.config import VirtualControllerConfig
@@ -42,7 +43,25 @@ def completed(mapping: Mapping[str, Any]) -> Sections:
             sections[section] = {**values, **given}
     _mode_of_the_stories(sections)
     _emulated_as_measured(sections)
+    _answered_within_the_step(sections)
     return sections
+
+
+def _answered_within_the_step(sections: Sections) -> None:
+    """Let the emulator answer at the same share of another time step."""
+    step, given = _time_step(sections), sections.get(VirtualControllerConfig.SECTION, {})
+    if step != RunConfig.time_step and isinstance(given, Mapping):
+        sections[VirtualControllerConfig.SECTION] = {"answer_after": _answer_after(step), **given}
+
+
+def _time_step(sections: Mapping[str, Any]) -> float:
+    run = sections.get(RunConfig.SECTION)
+    step = run.get("time_step") if isinstance(run, Mapping) else None
+    return step if isinstance(step, float) and 0.0 < step < 1.0 else RunConfig.time_step
+
+
+def _answer_after(time_step: float) -> float:
+    return float(f"{VirtualControllerConfig.answer_after / RunConfig.time_step * time_step:.9g}")
 
 
 def _emulated_as_measured(sections: Sections) -> None:
@@ -90,6 +109,9 @@ def released(whole: Mapping[str, Any], given: Mapping[str, Any], defaults: Mappi
                 followed = before[section].get(key, defaults[section][key])
                 if sections[section][key] == followed:
                     del sections[section][key]
+    emulated, run = sections[VirtualControllerConfig.SECTION], given.get(RunConfig.SECTION)
+    if isinstance(run, Mapping) and "time_step" in run and emulated["answer_after"] == _answer_after(_time_step(whole)):
+        del emulated["answer_after"]
     for section in (NumericalSubstructureConfig.SECTION, SpecimenConfig.SECTION):
         changed = given.get(section)
         if isinstance(changed, Mapping):

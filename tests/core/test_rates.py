@@ -132,3 +132,18 @@ def test_lead_of_the_compensator_is_the_same_time(rate):
 def test_time_of_less_than_a_step_is_refused_for_stuck_sensors():
     with pytest.raises(InputError, match=r"safety\.stuck_time: 0\.001 s is less than one time step; run\.time_step"):
         DEFAULTS.changed(safety__stuck_time=0.001)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_the_emulator_leaves_the_same_share_of_a_step(rate):
+    config = at(rate)
+    assert config.virtual_controller.answer_after * rate == pytest.approx(0.6, rel=1e-12)
+    assert config.changed(run__scheme="uc").virtual_controller == config.virtual_controller
+    chosen = config.changed(virtual_controller__answer_after=0.25 / rate)
+    assert chosen.changed(run__time_step=0.5 / rate).virtual_controller.answer_after == 0.25 / rate
+
+
+def test_an_answer_that_comes_after_its_step_is_refused():
+    message = r"virtual_controller\.answer_after: 0\.005 s; less than one time step, 0\.005 s, is required"
+    with pytest.raises(InputError, match=message):
+        DEFAULTS.changed(virtual_controller__answer_after=0.005)
