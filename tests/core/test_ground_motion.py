@@ -276,7 +276,7 @@ def test_header_without_one_known_unit_is_refused(tmp_path: Path, units: str, fo
         ("NPTS= 3, DT= .01.0 SEC", "line 4: '.01.0' is not a finite number"),
         ("NPTS= 3, DT= 1E999 SEC", "line 4: '1E999' is not a finite number"),
         ("NPTS= 3, DT= 10 MSEC", "line 4: DT in 'MSEC'; SEC is required"),
-        ("NPTS= 3, DT= 0.0 SEC", "time step 0 s; a finite number > 0 is required"),
+        ("NPTS= 3, DT= 0.0 SEC", "time step 0 s; 1e-05 to 0.2 s is read"),
         ("DT= .01 SEC", "no header line with NPTS and DT"),
         ("NPTS= 4, DT= .01 SEC", "3 values, but line 4 gives NPTS = 4"),
         ("NPTS= 2, DT= .01 SEC", "3 values, but line 4 gives NPTS = 2"),
@@ -356,7 +356,13 @@ def test_comments_blank_lines_and_other_columns_are_passed_over(tmp_path: Path) 
     ("text", "problem"),
     [
         ("0,0\n0.1,1\n0.2,2\n", "2 columns of numbers; ground_motion.columns (--columns) must say what each is"),
-        ("time_s,velocity_m_s\n0,0\n0.1,1\n", "line 1: 0 acceleration columns in 'time_s,velocity_m_s'; one is"),
+        ("time_s,velocity_m_s\n0,0\n0.1,1\n", "0 acceleration columns in 'time_s,velocity_m_s' ('velocity_m_s'"),
+        (
+            "time_s,ns_g,velocity_m/s\n0,0,0\n0.1,1,1\n",
+            "acceleration columns in 'time_s,ns_g,velocity_m/s' ('velocity_m/s' is a",
+        ),
+        ("time_s,acceleration_g\n0,0\n5,1\n10,2\n", "time step 5 s; 1e-05 to 0.2 s is read. Is its unit right?"),
+        ("time_ms,acceleration_g\n0,0\n5e-6,1\n1e-5,2\n", "time step 5e-09 s; 1e-05 to 0.2 s is read"),
         ("time_s,acceleration_g,acceleration_gal\n0,0,0\n0.1,1,1\n", "one of 'acceleration_g', 'acceleration_gal'"),
         ("time_s,acc_x_g,acc_y_g\n0,0,0\n0.1,1,1\n", "2 components; ground_motion.component (--component) must be"),
         ("time_s,t_s,acceleration_g\n0,0,0\n0.1,1,1\n", "line 1: 2 time columns"),

@@ -138,7 +138,9 @@ def _chosen(file: RecordFile, line_number: int, columns: list[Column]) -> tuple[
             raise file.error(line_number, f"{problem}; accelerations in time are required, as in {_EXAMPLE}")
     if len(of["time"]) != 1 or not of["acceleration"]:
         kind = "acceleration" if len(of["time"]) == 1 else "time"
-        problem = f"{len(of[kind])} {kind} columns in {names}"
+        other = next((column for column in columns if column.quantity in ("velocity", "displacement")), None)
+        it_is = f" ({quoted(other.name)} is a {other.quantity})" if other and kind == "acceleration" else ""
+        problem = f"{len(of[kind])} {kind} columns in {names}{it_is}"
         raise file.error(line_number, f"{problem}; one is required, as in {_EXAMPLE}")
     time = columns[of["time"][0]]
     if time.factor is None:

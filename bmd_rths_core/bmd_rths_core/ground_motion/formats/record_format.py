@@ -25,6 +25,10 @@ UNIT_CHOICES = (FROM_FILE, "g", "m/s2", "cm/s2", "gal")
 #: IWTH25, all components; Aoi, Kunugi & Fujiwara 2008, Science 322).
 LARGEST_ACCELERATION = 100.0
 
+#: Time steps that are read [s]: from 100 kHz, faster than any accelerograph, to 5 Hz, which holds nothing above 2.5 Hz.
+#: Beyond lie steps in another unit, and rates in place of steps.
+SHORTEST_TIME_STEP, LONGEST_TIME_STEP = 1e-5, 0.2
+
 
 @dataclass(frozen=True, eq=False)  # arrays have no single truth value, so == compares identity
 class Channel:
@@ -227,12 +231,15 @@ def to_motion(file: RecordFile, channel: Channel, factor: float, several: bool) 
     Raises
     ------
     InputError
-        Its time step is not a finite number > 0, or it is not two or more finite numbers.
+        Its time step or its peak is that of no ground motion, or it is not two or more finite numbers.
     """
     if channel.time_step is None:
         raise InputError(
             f"{file.path}: the file states no time step; ground_motion.record_time_step (--dt) must give it"
         )
+    if not SHORTEST_TIME_STEP <= channel.time_step <= LONGEST_TIME_STEP:
+        allowed = f"{SHORTEST_TIME_STEP:g} to {LONGEST_TIME_STEP:g} s"
+        raise InputError(f"{file.path}: time step {channel.time_step:g} s; {allowed} is read. Is its unit right?")
     suffix = "_" + re.sub(r"[^A-Za-z0-9.+-]+", "_", channel.component).strip("_") if several else ""
     with np.errstate(over="ignore"):  # what becomes infinite is refused
         acceleration = channel.values * factor
