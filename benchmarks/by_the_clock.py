@@ -53,12 +53,13 @@ class Run(NamedTuple):
     largest_displacement: float
     missed: int
     steps: int
+    emergency: bool = False  # the controller was asked for the emergency stop: the rest of the way is its own
 
     @property
     def wrong(self) -> list[str]:
         """What does not hold, but for a stall, which may lead anywhere."""
         limits, found = Config().safety, []
-        if abs(self.velocity) > AT_REST or abs(self.displacement) > AT_REST:
+        if not self.emergency and max(abs(self.velocity), abs(self.displacement)) > AT_REST:
             found.append("not at rest")
         if self.largest_displacement > limits.displacement_limit + 0.005 * self.largest_velocity:
             found.append("beyond the displacement limit")
@@ -92,7 +93,8 @@ def run(
             raise click.ClickException(f"{' '.join(command)}: {errors}")
         told: dict[str, Any] = json.loads(output)
         commands = controller.commands
-    return judged(told, commands, witness)
+        emergency = any(arrival.kind is Kind.EMERGENCY_STOP for arrival in controller.arrivals)
+    return judged(told, commands, witness)._replace(emergency=emergency)
 
 
 def abort(
@@ -153,7 +155,8 @@ def identify(answer_after: float, duration: float = 20.0) -> Run:
 
 
 def line(name: str, result: Run) -> str:
-    wrong = f"   WRONG: {', '.join(result.wrong)}" if result.wrong else ""
+    wrong = "   emergency stop" if result.emergency else ""
+    wrong += f"   WRONG: {', '.join(result.wrong)}" if result.wrong else ""
     return (
         f"{name:<28}{result.outcome:<10}{result.off_percent:7.2f} %{result.quiet_off_percent:7.2f} % of"
         f"{result.quiet_percent:4.0f} %{result.first_ms:8.2f} ms"

@@ -8,9 +8,12 @@ import pytest
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
+from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
 from bmd_rths_core.identification.excited_table import DrivingStopped, drive, responses_of
 from bmd_rths_core.loop.build import make_supervisor, make_table_controller
+from bmd_rths_core.loop.hosting import VirtualClock
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.safety.commanded_motion import REST
 from bmd_rths_core.table.controller import TableMeasurement
 
 DT = 0.005
@@ -120,3 +123,53 @@ def test_whole_record_without_gaps(record):
 def test_record_without_a_sensor_is_refused(record):
     with pytest.raises(InputError, match="no step has"):
         responses_of(replace(record, table_acceleration=np.full(record.steps, np.nan)))
+
+
+class LateClock(VirtualClock):
+    """A clock of a computer that stands still for 0.1 s in every second."""
+
+    def __init__(self):
+        super().__init__()
+        self._next = 0.125
+
+    def wait(self, until):
+        if until > self._next:
+            until, self._next = self._next + 0.1, self._next + 1.0
+        super().wait(until)
+
+
+class HoldingTable(Table):
+    """An ideal table that holds each command until the next one."""
+
+    def __init__(self, clock):
+        super().__init__()
+        self.motions, self._clock, self._held_since = [REST], clock, 0.0
+
+    def exchange(self, command):
+        now, motion = self._clock.now(), self.motions[-1]
+        moved = motion.after(motion.acceleration, now - self._held_since)
+        self.motions.append(moved._replace(acceleration=command.acceleration))
+        self._held_since = now
+        a = command.acceleration
+        return TableMeasurement(command.step, a, moved.displacement, a, 0.0, 0.0, self._floors * a)
+
+
+def test_lost_time_does_not_add_up_to_a_drift():
+    settings = ExcitationSettings("noise", band=(6.3, 126.0), amplitude=2.0, duration=20.0, stroke=0.1, seed=0)
+    commands = excitation_command(settings, DT)
+    clock = LateClock()
+    table = HoldingTable(clock)
+    driven = drive(table, make_supervisor(CONFIG), commands, DT, clock=clock)
+    displacements = np.array([motion.displacement for motion in table.motions])
+    assert np.abs(displacements).max() < 0.1
+    assert displacements[-1] == pytest.approx(0.0, abs=1e-3)
+    assert np.abs(driven.command - commands[: len(driven.command)]).max() < 0.5 * np.abs(commands).max()
+
+
+def test_commands_in_time_are_those_that_were_planned():
+    settings = ExcitationSettings("noise", band=(6.3, 126.0), amplitude=2.0, duration=20.0, stroke=0.1, seed=0)
+    commands = excitation_command(settings, DT)
+    table = HoldingTable(clock := VirtualClock())
+    drive(table, make_supervisor(CONFIG), commands, DT, clock=clock)
+    sent = np.array([motion.acceleration for motion in table.motions[1 : len(commands) + 1]])
+    assert sent == pytest.approx(commands, abs=1e-3)

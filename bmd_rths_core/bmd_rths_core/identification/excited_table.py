@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.identification.centring import Centring
 from bmd_rths_core.identification.frequency_response import FloatArray
 from bmd_rths_core.loop.conductor import Begun, Conductor
 from bmd_rths_core.loop.hosting import Clock, VirtualClock, ending, run_to_rest
@@ -108,7 +109,8 @@ def drive(
     progress : callable, optional
         Called with the number of finished steps every `PROGRESS_PERIOD` steps and at the end.
     clock : Clock, optional
-        Commands go out by this clock, one every Δt; by default as soon as the one before is answered.
+        Commands go out by this clock, one every Δt, and what late ones leave behind is taken away (`Centring`); by
+        default each goes out as soon as the one before is answered.
     stops_asked : callable
         As `run_to_rest` takes it.
     calibration : Calibration, optional
@@ -130,7 +132,10 @@ def drive(
     answered = 0
 
     def on_step(begun: Begun) -> None:
-        driver.command(begun.step, begun.desired_acceleration, time.now())
+        command = begun.desired_acceleration
+        if centring is not None:
+            command = centring.corrected(begun.step, command, supervisor.motion)
+        driver.command(begun.step, command, time.now())
 
     def on_measurement(measured: TableMeasurement) -> None:
         nonlocal signals, answered
@@ -147,6 +152,7 @@ def drive(
             progress(measured.step + 1)
 
     missing: list[int] = []
+    centring = None if clock is None else Centring(commands, time_step)
     time = clock or VirtualClock()
     driver = TableDriver(table, supervisor, time_step, clock is None, on_measurement, calibration=calibration)
     # Lost answers are judged by the limits of the supervisor alone.

@@ -107,6 +107,11 @@ class SafetySupervisor:
         return self.state in (State.NORMAL, State.INDICATING)
 
     @property
+    def motion(self) -> Motion:
+        """Motion of the table at the end of the last command: what was commanded, and what the sensor knows better."""
+        return self._motion._replace(displacement=self._motion.displacement + self._offset)
+
+    @property
     def stands(self) -> bool:
         """True when the table stands at zero displacement by its commands, whatever is under way."""
         motion = self._motion
