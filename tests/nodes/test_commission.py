@@ -4,6 +4,9 @@ import json
 import shutil
 from pathlib import Path
 
+import pytest
+import yaml
+
 from bmd_rths_nodes.cli.commission import age_in_words
 
 CONFIG = Path(__file__).parents[2] / "config" / "simplified_bmd.yaml"
@@ -33,3 +36,21 @@ def test_a_sensor_with_the_wrong_sign_and_a_stop_nobody_tried_fail(run_main, tmp
     assert "load cells: moves against the table" in failed[0]
     assert "emergency stop: not confirmed" in failed[1]
     assert "NOT passed" in age_in_words(str(config))
+
+
+@pytest.mark.slow
+def test_zeros_that_were_found_make_a_rig_with_offsets_pass(run_main, tmp_path):
+    config, zero = shutil.copy(CONFIG, tmp_path / "rig.yaml"), tmp_path / "zero.yaml"
+    off = ("--set", "sensors.table_displacement_offset=-0.02", "--set", "sensors.floor_offsets=[0.0, 0.5]")
+    off = (*off, "--set", "sensors.floor_scales=[1.0, 2.0]")
+    arguments = ("commission", config, "--stop-confirmed", "--try-stop", *off)
+    status, output, _ = run_main(*arguments, "--zero", zero)
+    assert status == 1
+    assert "FAILED noise floor and zero, displacement of the table: zero at 0.02" in output
+    assert "ok     emergency stop of the controller" in output
+    found = yaml.safe_load(zero.read_text())["/**"]["ros__parameters"]["sensors"]
+    assert found["table_displacement_offset"] == pytest.approx(0.0, abs=1e-4)
+    assert found["floor_offsets"] == pytest.approx([0.0, 0.0], abs=5e-3)
+    scales = ("--set", "sensors.floor_scales=[1.0, 2.0]")
+    status, output, _ = run_main("commission", config, "--stop-confirmed", "--model", zero, *scales)
+    assert "FAILED noise floor and zero" not in output

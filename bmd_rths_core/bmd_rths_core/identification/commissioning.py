@@ -9,7 +9,9 @@ import numpy as np
 from bmd_rths_core.config import Config
 from bmd_rths_core.identification.excited_table import DrivingStopped, Responses, drive
 from bmd_rths_core.identification.frequency_response import FloatArray
+from bmd_rths_core.identification.output import model_text
 from bmd_rths_core.loop.build import make_supervisor
+from bmd_rths_core.table.controller import TableController
 from bmd_rths_core.table.models.simulated import SimulatedTable
 
 #: A pulse lasts this long [s], slow against the first mode of a specimen; so many of them are driven.
@@ -85,6 +87,65 @@ def at_rest(responses: Responses, config: Config) -> list[Finding]:
         told = f"zero at {mean:.4g} {unit}, noise {noise:.4g} {unit} (known as {known[unit]:.4g} {unit})"
         findings.append(Finding(f"noise floor and zero, {name}", abs(mean) <= allowed and noise <= allowed, told))
     return findings
+
+
+def zero_offsets(responses: Responses, config: Config) -> dict[str, float | list[float]]:
+    """Return the offsets with which every sensor reads zero at rest, by their names in `sensors`.
+
+    Parameters
+    ----------
+    responses : Responses
+        Of `pulse_commands`, with the calibration of `config`; a sensor that is not there keeps its offset.
+    config : Config
+        The whole configuration.
+    """
+    begin, sensors = slice(0, round(0.9 * REST / responses.time_step)), config.sensors
+    floors = responses.floors.shape[1]
+    before = zip(sensors.floor_offsets or (0.0,) * floors, sensors.floor_scales or (1.0,) * floors, strict=True)
+    found: dict[str, float | list[float]] = {
+        "floor_offsets": [
+            offset + float(np.mean(values[begin])) / scale
+            for (offset, scale), values in zip(before, responses.floors.T, strict=True)
+        ]
+    }
+    own = {
+        "table_displacement": responses.displacement,
+        "table_acceleration": responses.table,
+        "base_shear": responses.shear,
+    }
+    for name, values in own.items():
+        if values is not None and np.isfinite(values).all():
+            zero = float(np.mean(values[begin])) / getattr(sensors, f"{name}_scale")
+            found[f"{name}_offset"] = getattr(sensors, f"{name}_offset") + zero
+    return found
+
+
+def zero_file(responses: Responses, config: Config) -> str:
+    """Return `zero_offsets` as the text of a parameter file."""
+    return model_text({"sensors": zero_offsets(responses, config)}, ("readings at rest, by bmd-rths commission",))
+
+
+def emergency_stop(table: TableController) -> Finding:
+    """Arm a table at rest, ask its controller for the emergency stop, and look whether it confirms it.
+
+    Parameters
+    ----------
+    table : TableController
+        Released afterwards; its controller may stay in its interlock until a person resets it.
+    """
+    step = "emergency stop of the controller"
+    try:
+        table.connect()
+        table.emergency_stop()
+        if not hasattr(table, "stop_confirmed"):
+            return Finding(step, True, "asked for; this controller cannot confirm it")
+        if not table.stop_confirmed:
+            return Finding(step, False, "was not confirmed by the controller")
+        return Finding(step, True, "confirmed; an interlock has to be reset at the controller before the next test")
+    except (OSError, RuntimeError) as error:
+        return Finding(step, False, str(error))
+    finally:
+        table.close()
 
 
 def polarity_and_scale(responses: Responses, config: Config) -> list[Finding]:

@@ -17,6 +17,7 @@ from bmd_rths_nodes.cli.options import json_option, log
 if TYPE_CHECKING:
     from bmd_rths_core.config import Config
     from bmd_rths_core.identification.commissioning import Finding
+    from bmd_rths_core.identification.excited_table import Responses
 
 #: What a person has to see with the own eyes.
 _QUESTION = "Press the emergency stop of the laboratory: does the table lose its power, and stand still?"
@@ -55,30 +56,38 @@ def age_in_words(config: str) -> str:
 @click.command(epilog="Example: bmd-rths commission my_rig.yaml --table udp://192.168.0.20:50600")
 @configured("table")
 @click.option("--stop-confirmed", is_flag=True, help="The emergency stop of the laboratory was tried, and works.")
+@click.option("--try-stop", is_flag=True, help="Ask the table controller for its emergency stop, at rest.")
+@click.option(
+    "--zero", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.yaml", help="Write the zeros for --model."
+)
 @json_option
-def commission(choice: ConfigChoice, stop_confirmed: bool, as_json: bool) -> int:
+def commission(choice: ConfigChoice, stop_confirmed: bool, try_stop: bool, zero: Path | None, as_json: bool) -> int:
     """Walk through what has to be right before the first powered run, and write a protocol beside CONFIG.
 
     The table is held at rest for noise floor and zero, then moved by three slow pulses to a tenth of its displacement
     limit: polarity of every sensor, scale against the displacement of the table. Each limit is passed once on the
     simulated table. At the end the emergency stop has to be confirmed by a person. Status 1 when anything is not as it
-    should be.
+    should be. With --zero the readings at rest become the offsets of all sensors, for the next call and for `run`.
     """
+    from bmd_rths_core.identification.commissioning import emergency_stop, zero_file
     from bmd_rths_core.identification.excited_table import DrivingStopped
+    from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
 
     config = choice.resolve()
     try:
-        findings = _findings(config)
+        responses = _driven(config)
     except DrivingStopped as error:
         log(f"error: {error}")
         return 1
+    if zero is not None:
+        _write(zero, zero_file(responses, config))
+    findings = _findings(responses, config)
+    if try_stop:
+        findings.append(emergency_stop(make_patient_table_controller(config)))
     findings.append(_confirmed(stop_confirmed))
     told = _protocol(config, findings)
     path = protocol_path(choice.config)
-    try:
-        path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    _write(path, json.dumps(told, indent=1) + "\n")
     if as_json:
         click.echo(json.dumps({**told, "protocol": str(path)}))
     else:
@@ -88,14 +97,15 @@ def commission(choice: ConfigChoice, stop_confirmed: bool, as_json: bool) -> int
     return 0 if told["passed"] else 1
 
 
-def _findings(config: Config) -> list[Finding]:
-    from bmd_rths_core.identification.commissioning import (
-        LIMITS,
-        at_rest,
-        polarity_and_scale,
-        pulse_commands,
-        try_limit,
-    )
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _driven(config: Config) -> Responses:
+    from bmd_rths_core.identification.commissioning import pulse_commands
     from bmd_rths_core.identification.excited_table import drive
     from bmd_rths_core.loop.build import make_calibration, make_supervisor
     from bmd_rths_nodes.hardware.clock import MonotonicClock
@@ -104,7 +114,7 @@ def _findings(config: Config) -> list[Finding]:
     by_steps = config.run.lockstep or config.table.controller == "simulated"
     commands = pulse_commands(config)
     log(f"three slow pulses of {len(commands) * config.run.time_step:.0f} s in all (Ctrl-C stops them)")
-    responses = drive(
+    return drive(
         make_patient_table_controller(config),
         make_supervisor(config),
         commands,
@@ -112,6 +122,11 @@ def _findings(config: Config) -> list[Finding]:
         clock=None if by_steps else MonotonicClock(),
         calibration=make_calibration(config),
     )
+
+
+def _findings(responses: Responses, config: Config) -> list[Finding]:
+    from bmd_rths_core.identification.commissioning import LIMITS, at_rest, polarity_and_scale, try_limit
+
     limits = [try_limit(config, limit) for limit in LIMITS]
     return [*at_rest(responses, config), *polarity_and_scale(responses, config), *limits]
 
