@@ -244,6 +244,22 @@ def test_what_the_record_lacks_is_left_out_and_told(run_main, record, tmp_path):
     assert "story_drifts_1 [m]" not in pandas.read_csv(tmp_path / "test.csv").columns
 
 
+def test_readings_of_calibrated_sensors_stand_beside_their_values(run_main, record, tmp_path):
+    calibrated = CONFIG.changed(
+        sensors__table_acceleration_scale=-2.0,
+        sensors__table_acceleration_offset=0.25,
+        sensors__floor_offsets=(0.0, 3.0),
+    )
+    bag = write_record(replace(record, configuration=calibrated.as_mapping()), tmp_path / "bag")
+    exported(run_main, bag, "--output", tmp_path / "test.csv")
+    table, unit = read_csv(tmp_path / "test.csv")[: record.steps], "[unit of the reading]"
+    values = -2.0 * (table[f"table_acceleration_reading {unit}"] - 0.25)
+    assert values.to_numpy() == pytest.approx(record.table_acceleration, rel=1e-12, abs=1e-12, nan_ok=True)
+    second = table[f"floor_accelerations_reading_2 {unit}"] - table["floor_accelerations_2 [m/s2]"]
+    assert second.dropna().to_numpy() == pytest.approx(3.0, rel=1e-12)
+    assert same(table[f"base_shear_reading {unit}"], record.base_shear)
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

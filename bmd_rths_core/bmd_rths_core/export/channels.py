@@ -17,6 +17,7 @@ from bmd_rths_core.record import RunRecord
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.rest_record import REST_SIGNALS
 from bmd_rths_core.signals import SIGNALS, Instant
+from bmd_rths_core.table.calibration import CHANNELS, Calibration
 
 FloatArray = NDArray[np.float64]
 
@@ -128,7 +129,7 @@ def exported_run(analysis: RunAnalysis, name: str) -> ExportedRun:
         What tells it from other runs.
     """
     record, left_out = analysis.record, []
-    channels = [*_times(0, record.steps, record.time_step), *_recorded(record)]
+    channels = [*_times(0, record.steps, record.time_step), *_recorded(record), *_readings(analysis)]
     for what, compute in (
         ("floor displacements, drifts and story forces", _numerical),
         ("story shears of the specimen", _specimen),
@@ -162,6 +163,24 @@ def _recorded(record: RunRecord) -> list[Channel]:
     return [
         Channel(signal.name, ascii_unit(signal.unit), *_told(signal.name, signal.instant), getattr(record, signal.name))
         for signal in SIGNALS
+    ]
+
+
+def _readings(analysis: RunAnalysis) -> list[Channel]:
+    """Return what the sensors of a calibrated rig read, from the values that stand for it."""
+    config = analysis.config
+    calibration = Calibration(config.sensors, len(config.specimen.masses))
+    if calibration.is_identity:
+        return []
+    return [
+        Channel(
+            f"{name}_reading",
+            "unit of the reading",
+            "measured",
+            f"reading behind {name}, at sensor_time: value / scale + offset of the section sensors",
+            calibration.readings(name, getattr(analysis.record, name)),
+        )
+        for name in (*CHANNELS, "floor_accelerations")
     ]
 
 

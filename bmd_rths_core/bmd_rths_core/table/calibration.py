@@ -173,6 +173,19 @@ class Calibration:
         """
         return measured if self.is_identity else _with(measured, _values(measured) / self._scales + self._offsets)
 
+    def readings(self, name: str, values: FloatArray) -> FloatArray:
+        """Return the readings behind the values of one channel.
+
+        Parameters
+        ----------
+        name : str
+            One of `CHANNELS`, or ``"floor_accelerations"``.
+        values : ndarray, shape (N,) or (N, n)
+            In SI units.
+        """
+        own = list(CHANNELS).index(name) if name in CHANNELS else slice(len(CHANNELS), None)
+        return np.asarray(values / self._scales[own] + self._offsets[own])
+
 
 def _values(measurement: TableMeasurement) -> FloatArray:
     own = [getattr(measurement, name) for name in CHANNELS]
