@@ -16,6 +16,10 @@ from bmd_rths_core.safety.commanded_motion import Motion, whole_steps
 WATCH_TIME = 0.45
 LAG_TIME = 0.15
 
+#: A host that was held up has seen too little: it watches on until it has seen half of what it asked for, and so many
+#: times as long at most, for a controller may have fallen silent.
+LONGEST_WATCH = 4
+
 #: What is nearer and slower than this is left alone: the noise of a displacement sensor [m, m/s].
 NEAR = 2e-4
 SLOW = 3e-4
@@ -69,7 +73,8 @@ class Settling:
         if self._first_step < 0:
             self._first_step = step
         self._last_step = step
-        return step < self._first_step + self._steps
+        enough = math.isnan(self._zero) or len(self._seen) >= (self._steps - self._lag) // 2
+        return step < self._first_step + (1 if enough else LONGEST_WATCH) * self._steps
 
     def found(self) -> Motion | None:
         """Return the motion that was seen at the end of the watch, and end it; None when the table is at rest at zero.
