@@ -39,12 +39,15 @@ class AnalysisOptions:
     feedback_delay_steps : int
         k ≥ 0 of *continuous*: the shear is fed back k steps late. 0 is Eq. 7.
     measured_table : MeasuredResponse, optional
-        Table, in place of the simulated one. There is no discrete analysis then.
+        Table, in place of the simulated one; the discrete analysis is of its fit, which the configuration has then.
+    not_fitted : str
+        Why the measured table has no fit, so that there is no discrete analysis.
     """
 
     modes: int | str = ALL
     feedback_delay_steps: int = 0
     measured_table: MeasuredResponse | None = None
+    not_fitted: str = ""
 
 
 def has_continuous_loops(config: Config) -> bool:

@@ -223,8 +223,8 @@ def _continuous(loop: LoopTransferFunction, ratio: float, largest: float) -> Ana
 def _discrete(
     config: Config, options: AnalysisOptions, ratio: float, largest: float
 ) -> tuple[DiscreteAnalysis | None, str]:
-    if options.measured_table is not None:
-        return None, "a measured frequency response of the table cannot be advanced step by step"
+    if options.not_fitted:
+        return None, f"the measured frequency response of the table has no fit: {options.not_fitted}"
     radius = closed_loop(config).spectral_radius
     if config.compensator.control is not None:
         margin = controlled_margin(config, ratio, largest)

@@ -89,7 +89,11 @@ def stability(
     from bmd_rths_core.stability.confirmation import confirm
 
     resolved, measured = _with_table(choice.resolve(), table)
-    options = AnalysisOptions(int(modes) if modes.removeprefix("-").isdecimal() else modes, feedback_delay, measured)
+    not_fitted = ""
+    if measured is not None:
+        resolved, not_fitted = _with_fit(resolved, table)
+    chosen = int(modes) if modes.removeprefix("-").isdecimal() else modes
+    options = AnalysisOptions(chosen, feedback_delay, measured, not_fitted)
     assessment = assess(resolved, options)
     confirmation = None if assessment.discrete is None else confirm(resolved, assessment.discrete.margin)
     if with_sweep and not has_continuous_loops(resolved):
@@ -120,6 +124,8 @@ def stability(
         click.echo(
             f"The table is known up to {measured.frequencies[-1] / math.tau:.4g} Hz; beyond nothing was examined."
         )
+        if not not_fitted:
+            click.echo(f"Discrete is of its fit, with an error of {100.0 * resolved.simulated_table.fit_error:.3g} %.")
     if curve is not None:
         _show_sweep(console, curve)
     if entries:
@@ -150,6 +156,17 @@ def _with_table(config: Config, table: str) -> tuple[Config, MeasuredResponse | 
     from bmd_rths_core.stability.response_file import read_frequency_response
 
     return config, read_frequency_response(table)
+
+
+def _with_fit(config: Config, table: str) -> tuple[Config, str]:
+    """Return the configuration with the fit of a measured response, or why there is none."""
+    from bmd_rths_core.identification.measured_table import with_fitted_table
+
+    measured = {"simulated_table__dynamics": "measured", "simulated_table__frequency_response": table}
+    try:
+        return with_fitted_table(config.changed(**measured)), ""
+    except InputError as error:
+        return config, str(error)
 
 
 def _sensitivity(config: Config, options: AnalysisOptions) -> list[ParameterSensitivity]:
