@@ -37,7 +37,7 @@ def test_early_repeated_and_older_shears_close_nothing():
 
 
 @pytest.mark.parametrize(
-    ("began_late", "closes", "missed"), [(0.0, 4.9, 0), (0.0, 5.1, 1), (4.0, 4.9, 0), (35, 35.2, 1)]
+    ("began_late", "closes", "missed"), [(0.0, 4.9, 0), (0.0, 5.0, 1), (0.0, 5.1, 1), (4.0, 4.9, 0), (35, 35.2, 1)]
 )
 def test_deadline_is_by_the_clock_whoever_was_late(began_late, closes, missed):
     """A step that began 35 ms late has missed its deadline, however fast it closes then; one 4 ms late has not."""

@@ -16,6 +16,7 @@ from bmd_rths_core.analysis.true_building import true_specimen
 from bmd_rths_core.analysis.verdict import judge
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.loop.build import make_table_controller
+from bmd_rths_core.loop.deadlines import DeadlineMonitor
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.sensors import noise_streams
@@ -197,8 +198,8 @@ def test_on_a_rig_errors_are_against_the_identified_specimen():
     assert rig.tracking.error_percent == pytest.approx(simulated.tracking.error_percent, rel=0.02)
 
 
-def judged(outcome="finished", error=5.0, delay=1.0, capture=WHOLE, **bands):
-    record = dataclasses.replace(ran(Config(), 40), outcome=outcome)
+def judged(outcome="finished", error=5.0, delay=1.0, capture=WHOLE, timing=None, **bands):
+    record = dataclasses.replace(ran(Config(), 40), outcome=outcome, timing=timing)
     return judge(record, error, delay, capture, VerdictConfig(**bands))
 
 
@@ -214,6 +215,18 @@ def test_green_only_where_all_bands_hold():
     assert judged(outcome="stopped").verdict == "red"
     assert judged(error=5.0, largest_tracking_error=4.0).verdict == "red"
     assert judged(error=102.0, largest_tracking_error=110.0).verdict == "green"
+
+
+def test_a_run_that_was_not_in_real_time_is_not_green():
+    few, many = DeadlineMonitor(40, 1.0), DeadlineMonitor(40, 1.0)
+    for monitor, missed in ((few, 0), (many, 20)):
+        for step in range(missed):
+            monitor.opened(step, 0.005 * step, 0.005 * (step + 1))
+            monitor.expired(0.005 * (step + 1))
+    assert judged(timing=few.statistics()).verdict == "green"
+    verdict, (reason,) = judged(timing=many.statistics())
+    assert verdict == "red"
+    assert reason == "It was not in real time: 50.0 % of the steps were late; at most 1 % is allowed."
 
 
 def test_a_finished_run_of_the_paper_is_not_green():

@@ -1,4 +1,4 @@
-"""The verdict of a run: green only where it came to its end and tracking error, delay and capture are within bands."""
+"""The verdict of a run: green only where it ended as planned, in time, with error, delay and capture within bands."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from bmd_rths_core.analysis.capture import Capture
-from bmd_rths_core.record import RunRecord
+from bmd_rths_core.record import LARGEST_LATE_SHARE, RunRecord
 from bmd_rths_core.verdict_bands import VerdictConfig
 
 GREEN, RED, UNJUDGED = "green", "red", "unjudged"
@@ -47,6 +47,9 @@ def judge(
     wrong, unknown = [], []
     if record.outcome != "finished":
         wrong.append(f"The run did not come to its end: {record.outcome}.")
+    if record.kept_time is False and record.late_share is not None:
+        allowed = f"at most {100.0 * LARGEST_LATE_SHARE:g} % is allowed"
+        wrong.append(f"It was not in real time: {100.0 * record.late_share:.1f} % of the steps were late; {allowed}.")
     longest = 1e3 * bands.largest_delay
     lowest = min(capture) if all(map(math.isfinite, capture)) else float("nan")
     for name, value, holds, band in (

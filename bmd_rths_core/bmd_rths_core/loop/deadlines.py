@@ -13,7 +13,7 @@ class DeadlineMonitor:
     """Count missed deadlines and collect closure times.
 
     A step is opened when its desired acceleration is published, and closed when its corrected shear has arrived. It
-    misses its deadline when that is later than the next step is due by the clock, whoever was late.
+    misses its deadline when the next step is due by the clock before or just then, whoever was late.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class DeadlineMonitor:
         """
         if not self._open or step != self._step:
             return False
-        if time > self._deadline:
+        if time >= self._deadline:
             self._miss()
         else:
             self._closure[step] = time - self._opened_at

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from bmd_rths_core.analysis.verdict import GREEN
 from bmd_rths_core.report.document import Document, Section
 from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.sections import SECTIONS
-from bmd_rths_core.report.wording import assumption, problems, results, verdict
+from bmd_rths_core.report.wording import LARGEST_DEVIATION, assumption, problems, results, verdict
 
 
 def run_report(run: ReportedRun) -> Document:
@@ -21,7 +22,7 @@ def run_report(run: ReportedRun) -> Document:
     return Document(
         title=f"{record.motion.get('name', 'unknown motion')}, {run.config.run.scheme}",
         verdict=verdict(analysis),
-        good=not wrong,
+        good=analysis.quality.judgement.verdict == GREEN and run.motion.deviation_percent <= LARGEST_DEVIATION,
         notes=tuple(note for note in (results(analysis), *wrong, assumption(analysis)) if note),
         sections=tuple(Section(section.TITLE, tuple(section.blocks(run))) for section in SECTIONS),
     )

@@ -23,7 +23,7 @@ _OUTCOMES = {
 _VERDICTS = {GREEN: "Good.", RED: "Not good.", UNJUDGED: "Not judged."}
 
 #: Difference of the numerical substructure computed again that rounding and sensors do not explain [%].
-_LARGEST_DEVIATION = 0.1
+LARGEST_DEVIATION = 0.1
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -148,7 +148,7 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
         found.append(f"{timing.late_ticks} steps began more than Δt/2 late, and the schedule was moved.")
     if analysis.config.run.preflight == "override":
         found.append("The pre-flight was overridden: the test was run against its prediction.")
-    if deviation_percent > _LARGEST_DEVIATION:
+    if deviation_percent > LARGEST_DEVIATION:
         found.append(
             f"The numerical substructure, computed again from the record, differs by {deviation_percent:.2g} % of the "
             "peak from what is recorded: its drifts and energies below are not exact."
