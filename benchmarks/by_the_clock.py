@@ -53,6 +53,7 @@ class Run(NamedTuple):
     largest_displacement: float
     missed: int
     steps: int
+    told: str = ""  # why the test ended, and what else was said
     emergency: bool = False  # the controller was asked for the emergency stop: the rest of the way is its own
 
     @property
@@ -94,7 +95,8 @@ def run(
         told: dict[str, Any] = json.loads(output)
         commands = controller.commands
         emergency = any(arrival.kind is Kind.EMERGENCY_STOP for arrival in controller.arrivals)
-    return judged(told, commands, witness)._replace(emergency=emergency)
+    words = " | ".join([told["reason"], *errors.splitlines()])
+    return judged(told, commands, witness)._replace(emergency=emergency, told=words)
 
 
 def abort(
@@ -156,7 +158,7 @@ def identify(answer_after: float, duration: float = 20.0) -> Run:
 
 def line(name: str, result: Run) -> str:
     wrong = "   emergency stop" if result.emergency else ""
-    wrong += f"   WRONG: {', '.join(result.wrong)}" if result.wrong else ""
+    wrong += f"   WRONG: {', '.join(result.wrong)}: {result.told}" if result.wrong else ""
     return (
         f"{name:<28}{result.outcome:<10}{result.off_percent:7.2f} %{result.quiet_off_percent:7.2f} % of"
         f"{result.quiet_percent:4.0f} %{result.first_ms:8.2f} ms"
