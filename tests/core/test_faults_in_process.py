@@ -14,7 +14,7 @@ from bmd_rths_core.table.udp_controller import make_udp_table
 from bmd_rths_core.table.wire import ControllerState
 from tests.faults.in_process import KINDS, outcome_of
 from tests.faults.outcome import Outcome, summary, wrong_motion
-from tests.faults.rig import SESSION, VirtualNetwork
+from tests.faults.rig import SESSION, Rig, Trial, VirtualNetwork
 
 #: An outcome that several tests look at.
 known_outcome = cache(outcome_of)
@@ -86,6 +86,31 @@ def test_network_without_faults_is_the_table():
         assert measurement.applied_command == 1.0
     assert network.time - begin == 99 * 5_000_000 + 3_000_000
     assert measurement.table_displacement == pytest.approx(0.5 * 0.498**2, rel=0.1)  # less the delay of 20 ms
+
+
+def test_late_answers_count_on_the_way_to_rest():
+    """A loop has no use for an answer that comes after 11 ms; who brings a table to rest has."""
+    config = Config().changed(virtual_controller__model="servo")
+    for patient in (False, True):
+        network, table = connected(config, "delay=4@0")
+        begin, seen = network.time, []
+        if patient:
+            table.be_patient()
+        for step in range(40):
+            network.sleep(1e-9 * begin + step * config.run.time_step)
+            while (measurement := table.poll()) is not None:
+                seen.append(measurement.step)
+            table.begin(TableCommand(step, 0.5))
+        assert seen == (list(range(37)) if patient else [])
+
+
+@pytest.mark.parametrize("late", [0, 4])
+def test_where_the_table_is_on_the_way_to_rest_is_recorded_however_late_it_is_told(late):
+    patient = {f"safety__stale_{of}_time": 9.0 for of in ("shear", "controller")} | {"run__longest_miss_time": 9.0}
+    config = Config().changed(safety__acceleration_limit=0.5, ground_motion__duration=4.0, **patient)
+    rig = Rig(Trial("late answers", config, 0, (f"delay={late}@0",)))
+    rig.run()
+    assert np.isfinite(rig.record.way_to_rest.table_displacement).mean() > 0.95
 
 
 @pytest.mark.parametrize("sensor", ["acceleration", "displacement", "force", "shear", "floor_2"])

@@ -16,6 +16,7 @@ from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.build import make_virtual_controller
 from bmd_rths_core.loop.conductor import Begun
 from bmd_rths_core.loop.rths_loop import RthsLoop
+from bmd_rths_core.record import RunRecord
 from bmd_rths_core.table.emulated.faults import Faults, FaultyNetwork, parse_fault
 from bmd_rths_core.table.transport import Datagram
 from bmd_rths_core.table.udp_controller import make_udp_table
@@ -202,6 +203,7 @@ class Rig:
         self.network = VirtualNetwork(config, faults)
         self.loop = FaultyLoop(trial, self.network)
         self.ended_at = 0
+        self.record: RunRecord | None = None
 
     def run(self) -> tuple[str, str]:
         """Run the test and bring the table to rest; return how and why it ended."""
@@ -214,7 +216,7 @@ class Rig:
 
         conductor.end = noted
         try:
-            record = self.loop.run()
+            record = self.record = self.loop.run()
         except HostDied:
             self.ended_at = self.network.time
             return "failed", "the host is dead"

@@ -333,6 +333,8 @@ class TableDriver:
             return
         if self.state is not DriveState.RETURNING:
             self.state = DriveState.RETURNING
+            if (be_patient := getattr(self._table, "be_patient", None)) is not None:
+                be_patient()
             in_its_slot = now if self._lockstep or self._followed_until is None else self._followed_until
             self._due = min(self._due, in_its_slot)
         if now >= self._due:

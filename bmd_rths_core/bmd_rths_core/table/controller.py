@@ -118,6 +118,9 @@ class AsynchronousTableController(TableController, Protocol):
 
     In real time the table driver then calls `begin` once a step and `poll` all the time, instead of `exchange`, and
     goes on with newer commands while an answer is missing. Both are called from one thread.
+
+    A controller that gives up late answers has a method `be_patient()`: it takes them, until the next `connect`. The
+    driver calls it on the way to rest, where no loop waits for them, and late ones still tell where the table is.
     """
 
     @property

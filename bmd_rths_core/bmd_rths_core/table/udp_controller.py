@@ -73,6 +73,7 @@ class UdpTable:
         self._last_acceleration = 0.0
         self._stop_confirmed = True
         self._pending: dict[int, _Pending] = {}
+        self._answer_timeout = config.answer_timeout
         self._keep_alive_due = 0.0
 
     def connect(self) -> None:
@@ -103,6 +104,7 @@ class UdpTable:
         self._last_step = -1
         self._last_acceleration = 0.0
         self._pending.clear()
+        self._answer_timeout = self._config.answer_timeout
         self._link.forget()
         self._keep_alive_due = self._transport.now() + KEEP_ALIVE_PERIOD
         if self._motion is not None:
@@ -162,8 +164,12 @@ class UdpTable:
         """
         sequence = self._link.send(Kind.COMMAND, *command, self._next(command))
         sent_at = self._transport.now()
-        self._pending[sequence] = _Pending(command, sent_at + self._config.answer_timeout)
+        self._pending[sequence] = _Pending(command, sent_at + self._answer_timeout)
         return sent_at
+
+    def be_patient(self) -> None:
+        """Take answers up to `table.give_up_after` from now on, until the next `connect`."""
+        self._answer_timeout = max(self._config.answer_timeout, self._config.give_up_after)
 
     def poll(self) -> TableMeasurement | None:
         """Return the measurement of a command whose answer has come, without waiting.
