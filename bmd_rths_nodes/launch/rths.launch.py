@@ -71,7 +71,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 "sigterm_timeout",
-                default_value="20",
+                default_value="30",
                 description="Time from Ctrl-C to SIGTERM, and 5 s more to SIGKILL [s]: longer than the way to rest",
             ),
             OpaqueFunction(function=_nodes),

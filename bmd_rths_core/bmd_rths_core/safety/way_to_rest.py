@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.safety.commanded_motion import REST, Motion
 from bmd_rths_core.safety.config import SafetyConfig
-from bmd_rths_core.safety.ramp import ramp_commands
+from bmd_rths_core.safety.ramp import longest_ramp, ramp_commands
 from bmd_rths_core.safety.settling import Settling
 
 #: A table that is slower and nearer than this is at rest at zero displacement [m/s, m].
@@ -21,10 +21,26 @@ SETTLED_DISPLACEMENT = 2e-5
 #: that they leave less. So many are tried; each leaves about a hundredth of what it takes away, and up to all of it
 #: where the commands come up to half a step late, again and again in the same order.
 MOST_CORRECTIONS = 20
+#: None is begun later than this after the table was first watched [s]: who waits for it does not wait for ever.
+CORRECTION_TIME = 6.0
 _GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
 
 #: `stop_commands` or `ramp_commands`.
 Planner = Callable[[Motion, SafetyConfig, float], NDArray[np.float64]]
+
+
+def longest_way_to_rest(config: SafetyConfig, time_step: float) -> float:
+    """Return how long a host waits for a table to come to rest [s]: two ramps, one planned anew, and the corrections.
+
+    Parameters
+    ----------
+    config : SafetyConfig
+        Acceleration, jerk and velocity of the way.
+    time_step : float
+        Δt [s].
+    """
+    ramp = longest_ramp(config, time_step)
+    return 2.0 * ramp + CORRECTION_TIME + min(ramp, CORRECTION_TIME)
 
 
 class WayToRest:
@@ -50,6 +66,7 @@ class WayToRest:
         self._plan: list[float] | None = None
         self._planned = REST
         self._corrections = 0
+        self._watched_from = self._watched_until = -1
         self._settling.reset()
 
     @property
@@ -116,11 +133,14 @@ class WayToRest:
         step : int
             Step of the next command.
         """
+        self._watched_from = step if self._watched_from < 0 else self._watched_from
+        self._watched_until = step
         return self._settling.watches(step)
 
     def found(self) -> Motion | None:
         """End the watch, and return the motion that was seen where a further way is to take it away."""
-        found = self._settling.found() if self._corrections < MOST_CORRECTIONS else None
+        in_time = (self._watched_until - self._watched_from) * self._time_step < CORRECTION_TIME
+        found = self._settling.found() if in_time and self._corrections < MOST_CORRECTIONS else None
         return found if found is not None and abs(found.displacement) <= self._config.displacement_limit else None
 
     def correct(self, motion: Motion, planner: Planner) -> float | None:

@@ -15,7 +15,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.record import TimingStatistics, provenance
-from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_core.safety.way_to_rest import longest_way_to_rest
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
@@ -97,7 +97,7 @@ class RecorderNode(StageNode):
     def configure_stage(self, config: Config) -> None:
         """Subscribe to every topic."""
         self._motion = select_ground_motion(config.ground_motion, config.run.time_step)
-        self._time_to_rest = longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
+        self._time_to_rest = longest_way_to_rest(config.safety, config.run.time_step) + config.table.halt_time
         self._writer: BagWriter | None = None
         self._bag = ""
         for topic in TOPICS.values():

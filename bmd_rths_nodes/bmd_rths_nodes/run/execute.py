@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.safety.ramp import longest_ramp
+from bmd_rths_core.safety.way_to_rest import longest_way_to_rest
 from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES, module_of
 from bmd_rths_nodes.run.domain_lock import another_run, domain_lock
 from bmd_rths_nodes.run.follower import RunFollower
@@ -86,7 +86,7 @@ def run_on_ros(
         monitor.believe_only(processes.owns)
         operator = OperatorStop(monitor, processes, interrupts, log, config.table.halt_time)
         # Twice: what the clock has added up to may have to be taken back by a second way.
-        time_to_rest = 2.0 * longest_ramp(config.safety, config.run.time_step) + config.table.halt_time
+        time_to_rest = longest_way_to_rest(config.safety, config.run.time_step) + config.table.halt_time
         try:
             return _followed(RunFollower(monitor, processes, operator, time_to_rest), on_progress)
         finally:
