@@ -24,7 +24,7 @@ GIVEN = {
     "autostart": "true",
     "exit_when_done": "false",
     "composed": "false",
-    "sigterm_timeout": "20",
+    "sigterm_timeout": "30",
 }
 LOOP = {"numerical_substructure", "command_shaper", "table_driver", "shear_estimator", "force_correction"}
 
