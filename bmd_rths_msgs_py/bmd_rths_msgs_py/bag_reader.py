@@ -267,7 +267,7 @@ class _Contents:
                 stamp_ns, value = unpack(data)
                 found[step_of_stamp(stamp_ns, time_step_ns)] = value
             except MalformedMessage as problem:
-                self.malformed.append(f"{topic.full_name}: {problem}")
+                self.malformed.append(f"{self._name(topic)}: {problem}")
         return found
 
     def _measurements(
@@ -284,7 +284,7 @@ class _Contents:
                 stamp_ns, measurement = unpack(data)
                 found[step_of_stamp(stamp_ns, time_step_ns)] = measurement
             except MalformedMessage as problem:
-                self.malformed.append(f"{topic.full_name}: {problem}")
+                self.malformed.append(f"{self._name(topic)}: {problem}")
         return found, floors if found else 0
 
     def _ending(self, end: Mapping[str, str], extent: str) -> tuple[str, str]:
