@@ -111,6 +111,8 @@ class RunRecord:
     way_to_rest : RestRecord, optional
         What followed the last step. None where there was nothing: the controller stopped the table, or nobody recorded
         it, as in older bags.
+    namespace : str
+        Where the topics of a bag stand, for example ``"/rths"``; empty for a run in process.
     """
 
     time_step: float
@@ -135,6 +137,7 @@ class RunRecord:
     told_controller: str | None = None
     source: str = "in process"
     way_to_rest: RestRecord | None = None
+    namespace: str = ""
 
     @property
     def steps(self) -> int:

@@ -16,6 +16,9 @@ from bmd_rths_core.record import TimingStatistics
 START_RECORD = "bmd_rths"
 END_RECORD = "bmd_rths_end"
 
+#: What a record tells of its ground motion.
+_OF_MOTION = ("name", "sha256", "source")
+
 
 def start_metadata(
     configuration: Mapping[str, Any], motion: Mapping[str, Any], versions: Mapping[str, str]
@@ -83,6 +86,17 @@ def read_object(story: Mapping[str, str], key: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise InputError(f"{key}: {content!r} is not a JSON object")
     return content
+
+
+def motion_of(story: Mapping[str, str]) -> dict[str, object]:
+    """Return what a bag tells of its ground motion, with what it does not tell as unknown."""
+    if "motion" not in story:
+        raise InputError(f"its record {START_RECORD!r} has no entry 'motion'; the ground motion of the run is unknown")
+    told = read_object(story, "motion")
+    for key, value in told.items():
+        if key in _OF_MOTION and not isinstance(value, str):
+            raise InputError(f"motion: {key} is {str(value)[:60]!r}; text is required")
+    return {**dict.fromkeys(_OF_MOTION, "unknown"), **told}
 
 
 def read_timing(story: Mapping[str, str]) -> TimingStatistics | None:

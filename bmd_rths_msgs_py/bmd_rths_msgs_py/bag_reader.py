@@ -30,7 +30,7 @@ from bmd_rths_msgs_py.bag_completeness import (
     promised_files,
     shortfall,
 )
-from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, read_object, read_timing
+from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, motion_of, read_object, read_timing
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
 from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, WAY_TO_REST_COMMAND, WAY_TO_REST_MEASUREMENT, Topic
 
@@ -45,9 +45,6 @@ MAX_CONTENT = 6_000_000_000
 
 #: What the writer of an MCAP file puts at its very end.
 _MAGIC = b"\x89MCAP0\r\n"
-
-#: What a record tells of its ground motion.
-_OF_MOTION = ("name", "sha256", "source")
 
 _SIGNAL_NAMES = tuple(f"/{topic.name}" for topic in READ_TOPICS)
 
@@ -255,6 +252,7 @@ class _Contents:
             told_controller=end.get("controller"),
             source=source,
             way_to_rest=rest_record(rest_commands, rest_measurements, floors or rest_floors),
+            namespace=self.namespace,
         )
 
     def _name(self, topic: Topic) -> str:
@@ -269,7 +267,7 @@ class _Contents:
                 stamp_ns, value = unpack(data)
                 found[step_of_stamp(stamp_ns, time_step_ns)] = value
             except MalformedMessage as problem:
-                self.malformed.append(f"{topic.full_name}: {problem}")
+                self.malformed.append(f"{self._name(topic)}: {problem}")
         return found
 
     def _measurements(
@@ -286,7 +284,7 @@ class _Contents:
                 stamp_ns, measurement = unpack(data)
                 found[step_of_stamp(stamp_ns, time_step_ns)] = measurement
             except MalformedMessage as problem:
-                self.malformed.append(f"{topic.full_name}: {problem}")
+                self.malformed.append(f"{self._name(topic)}: {problem}")
         return found, floors if found else 0
 
     def _ending(self, end: Mapping[str, str], extent: str) -> tuple[str, str]:
@@ -378,17 +376,6 @@ def custom_data(file: Path) -> dict[str, str]:
     except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
         return {}
     return story if isinstance(story, dict) and "configuration" in story else {}
-
-
-def motion_of(story: Mapping[str, str]) -> dict[str, object]:
-    """Return what a bag tells of its ground motion, with what it does not tell as unknown."""
-    if "motion" not in story:
-        raise InputError(f"its record {START_RECORD!r} has no entry 'motion'; the ground motion of the run is unknown")
-    told = read_object(story, "motion")
-    for key, value in told.items():
-        if key in _OF_MOTION and not isinstance(value, str):
-            raise InputError(f"motion: {key} is {str(value)[:60]!r}; text is required")
-    return {**dict.fromkeys(_OF_MOTION, "unknown"), **told}
 
 
 def step_of_stamp(stamp_ns: int, time_step_ns: int) -> int:

@@ -17,8 +17,8 @@ from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import TimingStatistics
 from bmd_rths_core.renamed_parameters import convert_renamed
 from bmd_rths_core.run_config import RunConfig
-from bmd_rths_msgs_py.bag_description import read_object, read_timing
-from bmd_rths_msgs_py.bag_reader import motion_of, step_of_stamp
+from bmd_rths_msgs_py.bag_description import motion_of, read_object, read_timing
+from bmd_rths_msgs_py.bag_reader import step_of_stamp
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
 from bmd_rths_msgs_py.node_status import NodeStatus, read_statuses
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DESIRED_ACCELERATION, DIAGNOSTICS, MEASUREMENT, SCALAR_TOPICS

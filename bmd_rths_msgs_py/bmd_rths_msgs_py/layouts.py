@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from bmd_rths_core.signals import SIGNALS, Signal
-from bmd_rths_msgs_py.topics import DIAGNOSTICS, FORCE_TYPE, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER, TOPICS
+from bmd_rths_msgs_py.topics import DIAGNOSTICS, FORCE_TYPE, NAMESPACE, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER, TOPICS
 
 #: Okabe and Ito (2008), without black, which a dark background hides.
 COLOURS = ("#0072B2", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#8A6D3B", "#888888")
@@ -61,7 +61,7 @@ class Plot(NamedTuple):
     over_time: bool = True
 
 
-def curves_of(signal: Signal, floors: int) -> tuple[Curve, ...]:
+def curves_of(signal: Signal, floors: int, namespace: str = NAMESPACE) -> tuple[Curve, ...]:
     """Return where in the messages a signal is: one curve, or one for every floor.
 
     Parameters
@@ -70,29 +70,32 @@ def curves_of(signal: Signal, floors: int) -> tuple[Curve, ...]:
         One of `SIGNALS`.
     floors : int
         Number of measured floors.
+    namespace : str
+        Of the topics.
     """
     topic = TOPICS[signal.topic]
+    name = topic.full_name_in(namespace)
     label = signal.name.replace("_", " ")
     if not signal.measured:
         field = ("wrench", "force", "x") if topic.type_name == FORCE_TYPE else ("accel", "linear", "x")
-        return (Curve(label, topic.full_name, field),)
+        return (Curve(label, name, field),)
     if signal.per_floor:
-        return tuple(
-            Curve(f"floor {i}", topic.full_name, ("points[0]", f"accelerations[{i}]")) for i in range(1, floors + 1)
-        )
+        return tuple(Curve(f"floor {i}", name, ("points[0]", f"accelerations[{i}]")) for i in range(1, floors + 1))
     array, joint = _IN_MEASUREMENT.get(signal.name, ("accelerations", floors + 1))  # the last one: applied_command
-    return (Curve(label, topic.full_name, ("points[0]", f"{array}[{joint}]")),)
+    return (Curve(label, name, ("points[0]", f"{array}[{joint}]")),)
 
 
-def plots(floors: int) -> list[Plot]:
+def plots(floors: int, namespace: str = NAMESPACE) -> list[Plot]:
     """Return what the layouts show: every signal once, and the table over what was desired of it.
 
     Parameters
     ----------
     floors : int
         Number of measured floors.
+    namespace : str
+        Of the topics.
     """
-    found = {signal.name: curves_of(signal, floors) for signal in SIGNALS}
+    found = {signal.name: curves_of(signal, floors, namespace) for signal in SIGNALS}
     by_unit: dict[str, list[Curve]] = {}
     for signal in SIGNALS:
         if not signal.per_floor:
@@ -112,20 +115,22 @@ _QUANTITIES = {"N": "Forces", "m": "Displacement"}
 # ---- Foxglove and Lichtblick
 
 
-def foxglove_layout(floors: int) -> str:
+def foxglove_layout(floors: int, namespace: str = NAMESPACE) -> str:
     """Return the layout as JSON, for *Import from file* of Foxglove and Lichtblick.
 
     Parameters
     ----------
     floors : int
         Number of measured floors.
+    namespace : str
+        Of topics and nodes.
     """
-    panels = {f"Plot!bmd_rths_{i}": _foxglove_plot(plot) for i, plot in enumerate(plots(floors))}
+    panels = {f"Plot!bmd_rths_{i}": _foxglove_plot(plot) for i, plot in enumerate(plots(floors, namespace))}
     for role in (NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER):
         panels[f"DiagnosticStatusPanel!{role}"] = {
             "topicToRender": DIAGNOSTICS.full_name,
             "selectedHardwareId": "bmd_rths",
-            "selectedName": f"/rths/{role}",
+            "selectedName": f"{namespace}/{role}",
             "foxglovePanelTitle": role.replace("_", " "),
         }
     panels["DiagnosticSummary!bmd_rths"] = {
@@ -199,18 +204,20 @@ def _coloured(curves: tuple[Curve, ...]) -> Iterator[tuple[Curve, str]]:
 # ---- PlotJuggler
 
 
-def plotjuggler_layout(floors: int) -> str:
+def plotjuggler_layout(floors: int, namespace: str = NAMESPACE) -> str:
     """Return the layout as XML, for *Load layout* of PlotJuggler.
 
     Parameters
     ----------
     floors : int
         Number of measured floors.
+    namespace : str
+        Of the topics.
     """
     root = ElementTree.Element("root")
     window = ElementTree.SubElement(root, "tabbed_widget", {"parent": "main_window", "name": "Main Window"})
     tab = ElementTree.SubElement(window, "Tab", tab_name="bmd_rths", containers="1")
-    found = plots(floors)
+    found = plots(floors, namespace)
     rows = ElementTree.SubElement(ElementTree.SubElement(tab, "Container"), "DockSplitter", _split("|", 2))
     for column in (found[: (len(found) + 1) // 2], found[(len(found) + 1) // 2 :]):
         splitter = ElementTree.SubElement(rows, "DockSplitter", _split("-", len(column)))

@@ -58,6 +58,11 @@ class NodeStatus:
         """Role of the node: its name without namespace."""
         return self.node.rpartition("/")[2]
 
+    @property
+    def namespace(self) -> str:
+        """Namespace of the node, for example ``"/rths"``; empty where it told only its role."""
+        return self.node.rpartition("/")[0]
+
 
 def read_statuses(data: bytes) -> list[NodeStatus]:
     """Return the statuses of this project in a message of /diagnostics; those of others are left out.
@@ -87,6 +92,23 @@ def read_statuses(data: bytes) -> list[NodeStatus]:
         if hardware == HARDWARE_ID and state in STATES:
             found.append(NodeStatus(name, NodeState(state), level, message, values, stamp))
     return found
+
+
+def is_of_others(data: bytes, namespace: str) -> bool:
+    """Tell whether a message of /diagnostics is from nodes of this project in another namespace: of another rig.
+
+    Parameters
+    ----------
+    data : bytes
+        A DiagnosticArray as CDR with encapsulation.
+    namespace : str
+        The own namespace.
+    """
+    try:
+        told = read_statuses(data)
+    except MalformedMessage:
+        return False
+    return bool(told) and all(status.namespace != namespace for status in told)
 
 
 class _Fields:

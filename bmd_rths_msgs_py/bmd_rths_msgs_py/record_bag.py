@@ -22,6 +22,7 @@ from bmd_rths_msgs_py.cdr import MeasurementCodec, PairCodec, ScalarCodec
 from bmd_rths_msgs_py.topics import (
     DESIRED_ACCELERATION,
     MEASUREMENT,
+    NAMESPACE,
     SCALAR_TOPICS,
     WAY_TO_REST_COMMAND,
     WAY_TO_REST_MEASUREMENT,
@@ -56,22 +57,23 @@ def write_record(record: RunRecord, directory: Path) -> Path:
         raise InputError(f"run.time_step: {configured!r} in the configuration of a record of {record.time_step!r} s")
     time_step_ns = build_section(RunConfig, {"time_step": record.time_step}).time_step_ns
     measurement_codec = MeasurementCodec(record.floor_accelerations.shape[1], time_step_ns, MEASUREMENT.frame_id)
-    scalars = [(topic, *_packed(record, topic)) for topic in SCALAR_TOPICS]
+    namespace = record.namespace or NAMESPACE
+    scalars = [(topic, topic.full_name_in(namespace), *_packed(record, topic)) for topic in SCALAR_TOPICS]
     writer = BagWriter(directory, metadata=start_metadata(record.configuration, record.motion, record.versions))
     for step in range(record.steps):
         stamp_ns = step * time_step_ns
-        for topic, pack, values in scalars:
-            writer.write(topic.full_name, topic.type_name, pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
+        for topic, name, pack, values in scalars:
+            writer.write(name, topic.type_name, pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
         data = measurement_codec.pack(stamp_ns, _measured(record, step, step))
-        writer.write(MEASUREMENT.full_name, MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
+        writer.write(MEASUREMENT.full_name_in(namespace), MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
     if record.way_to_rest is not None:
-        _write_way_to_rest(record.way_to_rest, writer, measurement_codec, time_step_ns)
+        _write_way_to_rest(record.way_to_rest, writer, measurement_codec, time_step_ns, namespace)
     writer.close(end_metadata(record.outcome, record.reason, record.timing, record.told_controller))
     return directory
 
 
 def _write_way_to_rest(
-    rest: RestRecord, writer: BagWriter, measurement_codec: MeasurementCodec, time_step_ns: int
+    rest: RestRecord, writer: BagWriter, measurement_codec: MeasurementCodec, time_step_ns: int, namespace: str
 ) -> None:
     pack = ScalarCodec(WAY_TO_REST_COMMAND.frame_id).pack
     for row, command in enumerate(rest.command.tolist()):
@@ -84,7 +86,7 @@ def _write_way_to_rest(
         if np.isfinite([*measurement[1:6], *measurement.floor_accelerations]).any():
             messages.append((WAY_TO_REST_MEASUREMENT, measurement_codec.pack(stamp_ns, measurement)))
         for topic, data in messages:
-            writer.write(topic.full_name, topic.type_name, data, stamp_ns, stamp_ns)
+            writer.write(topic.full_name_in(namespace), topic.type_name, data, stamp_ns, stamp_ns)
 
 
 def _measured(signals: RunRecord | RestRecord, row: int, step: int) -> TableMeasurement:

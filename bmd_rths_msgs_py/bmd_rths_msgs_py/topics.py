@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from bmd_rths_core import signals
+from bmd_rths_core.errors import InputError
 
-NAMESPACE = "rths"
+#: Namespace of nodes, topics and services of a test that is given no other one.
+NAMESPACE = "/rths"
+
+_NAMESPACE_PATTERN = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 NUMERICAL_SUBSTRUCTURE = "numerical_substructure"
 COMMAND_SHAPER = "command_shaper"
@@ -34,7 +39,7 @@ class Topic:
     Parameters
     ----------
     name : str
-        Name relative to the namespace `NAMESPACE`; absolute when it begins with ``/``.
+        Name relative to the namespace of the test; absolute when it begins with ``/``.
     type_name : str
         Message type, for example ``"geometry_msgs/msg/AccelStamped"``.
     producer : str
@@ -59,8 +64,38 @@ class Topic:
 
     @property
     def full_name(self) -> str:
-        """Absolute name, for example ``"/rths/command"``."""
-        return self.name if self.name.startswith("/") else f"/{NAMESPACE}/{self.name}"
+        """Absolute name in the usual namespace, for example ``"/rths/command"``."""
+        return self.full_name_in(NAMESPACE)
+
+    def full_name_in(self, namespace: str) -> str:
+        """Return the absolute name in a namespace, for example ``"/rig1/command"``.
+
+        Parameters
+        ----------
+        namespace : str
+            As `checked_namespace` returns it.
+        """
+        return self.name if self.name.startswith("/") else f"{namespace}/{self.name}"
+
+
+def checked_namespace(text: str) -> str:
+    """Return a namespace as ROS has it, with the slash in front.
+
+    Parameters
+    ----------
+    text : str
+        For example ``"rig1"`` or ``"/laboratory/rig1"``.
+
+    Raises
+    ------
+    InputError
+        ROS does not allow it.
+    """
+    if not _NAMESPACE_PATTERN.fullmatch(text):
+        raise InputError(
+            f"namespace {text[:60]!r} is not allowed; letters, digits and _ are, no digit first: rig1, /lab/rig1"
+        )
+    return f"/{text.removeprefix('/')}"
 
 
 GROUND_ACCELERATION = Topic(

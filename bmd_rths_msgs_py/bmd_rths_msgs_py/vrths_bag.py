@@ -89,7 +89,7 @@ def write_benchmark_run(finished: FinishedPiece, directory: Path) -> Path:
     }
     motion = {"name": piece.motion.name, "sha256": piece.motion.sha256, "source": piece.motion.source}
     writer = BagWriter(directory, metadata=start_metadata(about, motion, software_versions()))
-    packed = [(f"/{NAMESPACE}/{name}", kind, codec.pack, part[::EVERY].tolist()) for name, kind, codec, part in topics]
+    packed = [(f"{NAMESPACE}/{name}", kind, codec.pack, part[::EVERY].tolist()) for name, kind, codec, part in topics]
     for i in range(len(packed[0][3])):
         stamp = i * EVERY * NANOSECONDS // round(RATE)
         for name, kind, pack, values in packed:

@@ -9,6 +9,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from bmd_rths_msgs_py.topics import NAMESPACE, checked_namespace
 from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES
 
 PACKAGE = "bmd_rths_nodes"
@@ -40,6 +41,11 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("table", default_value="", description="Table controller, or udp://HOST:PORT"),
             DeclareLaunchArgument(
                 "record", default_value="true", choices=SWITCH, description="Record the test into a bag"
+            ),
+            DeclareLaunchArgument(
+                "namespace",
+                default_value=NAMESPACE,
+                description="Of nodes and topics: each rig has its own",
             ),
             DeclareLaunchArgument("output", default_value="", description="Folder the bag is written into"),
             DeclareLaunchArgument(
@@ -100,7 +106,14 @@ def _nodes(context: LaunchContext) -> list[Node]:
     loop = [COMPOSED_LOOP] if given["composed"] == "true" else [role.name for role in LOOP]
     others = [role.name for role in ROLES.values() if role not in LOOP]
     return [
-        Node(package=PACKAGE, executable=name, parameters=parameters, output="screen", on_exit=_on_exit_of(name))
+        Node(
+            package=PACKAGE,
+            executable=name,
+            namespace=checked_namespace(given["namespace"]),
+            parameters=parameters,
+            output="screen",
+            on_exit=_on_exit_of(name),
+        )
         for name in (*loop, *(others if record else []))
     ]
 

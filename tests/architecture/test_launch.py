@@ -9,6 +9,7 @@ from unittest.mock import MagicMock
 import pytest
 
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 
 FOLDER = Path(__file__).parents[2] / "bmd_rths_nodes"
 GIVEN = {
@@ -18,6 +19,7 @@ GIVEN = {
     "component": "",
     "table": "",
     "record": "true",
+    "namespace": "/rths",
     "output": "",
     "duration": "",
     "lockstep": "false",
@@ -107,6 +109,13 @@ def test_length_folder_and_lockstep_of_a_test(nodes, monkeypatch, tmp_path):
     config = configured(overrides)
     assert (config.ground_motion.duration, config.run.lockstep) == (3.0, True)
     assert config.recorder.directory == str(tmp_path / "bags")
+
+
+def test_namespace_of_every_node(nodes):
+    assert {node.namespace for node in nodes().values()} == {"/rths"}
+    assert {node.namespace for node in nodes(namespace="rig1").values()} == {"/rig1"}
+    with pytest.raises(InputError, match="namespace 'rig 1' is not allowed"):
+        nodes(namespace="rig 1")
 
 
 def test_time_that_is_no_number_is_refused_before_anything_starts(nodes):

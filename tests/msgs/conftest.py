@@ -67,7 +67,7 @@ def same() -> Callable[[RunRecord, RunRecord], bool]:
 
     def compare(a: RunRecord, b: RunRecord) -> bool:
         blank = np.zeros(0)
-        erased = [replace(r, source="", **dict.fromkeys(r.signals(), blank)) for r in (a, b)]
+        erased = [replace(r, source="", namespace="", **dict.fromkeys(r.signals(), blank)) for r in (a, b)]
         return a.same_signals(b) and str(erased[0]) == str(erased[1])
 
     return compare

@@ -171,8 +171,8 @@ def test_nested_namespace_and_a_second_file_for_another_node_are_taken(tmp_path)
     ("arguments", "message"),
     [
         (["--params-file", "FILE"], "/rths/comand_shaper is no node of a test; allowed here: /**, /rths/numerical"),
-        (["-r", "__ns:=/lab"], "__ns, __node: /lab/command_shaper is not supported, /rths/command_shaper is required"),
-        (["-r", "__node:=shaper"], "__ns, __node: /rths/shaper is not supported"),
+        (["-r", "__ns:=/"], "__ns: / is not supported; a namespace of its own is required for each rig, as in /rig1"),
+        (["-r", "__node:=shaper"], "__node: shaper is not supported, command_shaper is required"),
         (["-p", "use_sim_time:=true"], "use_sim_time: true is not supported, a table moves by the clock"),
         (["-p", "qos_overrides./rths/command.publisher.depth:=1"], "qos_overrides./rths/command.publisher.depth: not"),
     ],

@@ -142,6 +142,8 @@ def test_run_that_fails_ends_the_study_in_one_clear_line(bmd_rths, domain, tmp_p
 
 def test_taken_domain_ends_the_study_in_one_clear_line(run_main, records, monkeypatch):
     class Monitor:
+        namespace = "/rths"
+
         def __init__(self, discovery_time):
             assert discovery_time > 3.0
 

@@ -132,7 +132,7 @@ class RosRunner:
         InputError
             A run cannot begin, because its ground motion is not possible.
         """
-        with RunMonitor(_DISCOVERY) as monitor:  # one for all runs, because discovery takes its time
+        with RunMonitor(discovery_time=_DISCOVERY) as monitor:  # one for all runs, because discovery takes its time
             for piece in pieces:
                 for plan in piece.runs:
                     if self.interrupts:

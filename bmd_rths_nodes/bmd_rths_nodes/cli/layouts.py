@@ -9,7 +9,7 @@ import click
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
-from bmd_rths_nodes.cli.options import json_option, log, output_folder
+from bmd_rths_nodes.cli.options import json_option, log, namespace_option, output_folder
 
 
 @click.command(epilog="Example: bmd-rths layouts config/eight_story_bmd.yaml --output layouts")
@@ -17,8 +17,9 @@ from bmd_rths_nodes.cli.options import json_option, log, output_folder
 @click.option(
     "--output", type=click.Path(path_type=Path), default=Path("."), show_default=True, help="Folder of the files."
 )
+@namespace_option
 @json_option
-def layouts(choice: ConfigChoice, output: Path, as_json: bool) -> int:
+def layouts(choice: ConfigChoice, output: Path, namespace: str, as_json: bool) -> int:
     """Write layouts that show every signal of a test in Foxglove, Lichtblick and PlotJuggler.
 
     CONFIG is that of the test: its specimen says how many floors are measured.
@@ -27,8 +28,8 @@ def layouts(choice: ConfigChoice, output: Path, as_json: bool) -> int:
 
     floors = len(choice.resolve().specimen.masses)
     contents = {
-        "bmd_rths_foxglove.json": foxglove_layout(floors),
-        "bmd_rths_plotjuggler.xml": plotjuggler_layout(floors),
+        "bmd_rths_foxglove.json": foxglove_layout(floors, namespace),
+        "bmd_rths_plotjuggler.xml": plotjuggler_layout(floors, namespace),
     }
     with output_folder(output):
         for name, content in contents.items():

@@ -15,10 +15,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_msgs_py.topics import NAMESPACE, ROLES
 from bmd_rths_nodes.cli.configuration import ConfigChoice
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
-from bmd_rths_nodes.cli.options import json_option, log
+from bmd_rths_nodes.cli.options import json_option, log, namespace_option
 from bmd_rths_nodes.cli.results import without_nan
 from bmd_rths_nodes.cli.ros_required import require_ros
 
@@ -52,6 +52,7 @@ _QUANTITIES = {"displacement": "displacement", "acceleration": "command", "force
     help="Let Foxglove watch too, on this port; read-only.",
 )
 @click.option("--topics", metavar="CONFIG", help="Listen to the topics, where no recorder writes on this computer.")
+@namespace_option
 @json_option
 def monitor(
     recordings: Path | None,
@@ -60,6 +61,7 @@ def monitor(
     port: int,
     foxglove: int | None,
     topics: str | None,
+    namespace: str,
     as_json: bool,
 ) -> int:
     """Watch the run on this ROS domain: nodes, deadlines, table, limits and recording.
@@ -87,7 +89,7 @@ def monitor(
     require_ros("monitor")
     from bmd_rths_nodes.run.monitor import RunMonitor
 
-    with collected_interrupts() as interrupts, RunMonitor() as run:
+    with collected_interrupts() as interrupts, RunMonitor(namespace) as run:
         if web:
             return monitor_web.show_graph(run, port, foxglove, config, as_json, interrupts)
         if once or as_json:
@@ -96,7 +98,7 @@ def monitor(
             while not interrupts:
                 run.update(_PERIOD)
                 snapshot = _snapshot(run)
-                page = _page(snapshot) if snapshot["nodes"] else Text(f"{_nothing()}; waiting for one (Ctrl-C ends)")
+                page = _page(snapshot) if snapshot["nodes"] else Text(f"{_nothing(run)}; waiting for one (Ctrl-C ends)")
                 live.update(page, refresh=True)
     return 0
 
@@ -106,7 +108,7 @@ def _print_once(run: RunMonitor, as_json: bool, interrupts: Sequence[int]) -> in
     _listen_until_all_have_told(run, interrupts)
     snapshot = _snapshot(run)
     if not snapshot["nodes"]:
-        log(f"error: {_nothing()}")
+        log(f"error: {_nothing(run)}")
         return 1
     if as_json:
         click.echo(json.dumps(without_nan(snapshot)))
@@ -128,8 +130,12 @@ def _listen_until_all_have_told(run: RunMonitor, interrupts: Sequence[int]) -> N
             return
 
 
-def _nothing() -> str:
-    return f"no run is on ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}"
+def _nothing(run: RunMonitor) -> str:
+    words = f"no run is on ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}"
+    if run.namespace != NAMESPACE:
+        words += f" in {run.namespace}"
+    others = run.other_namespaces()
+    return f"{words}; one is in {', '.join(others)} (--namespace)" if others else words
 
 
 def _snapshot(run: RunMonitor) -> dict[str, Any]:

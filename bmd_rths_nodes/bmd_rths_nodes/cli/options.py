@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_msgs_py.topics import NAMESPACE, checked_namespace
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -22,6 +23,20 @@ capture_option = click.option(
     "--capture/--no-capture",
     default=None,
     help="Compute the capture of a simulated table, by two more runs. [default: where the loop is linear]",
+)
+
+
+def _namespace(context: click.Context, parameter: click.Parameter, text: str) -> str:
+    return checked_namespace(text)
+
+
+namespace_option = click.option(
+    "--namespace",
+    metavar="NAME",
+    default=NAMESPACE,
+    show_default=True,
+    callback=_namespace,
+    help="Namespace of the nodes and topics of the test: each rig on a ROS domain has one of its own.",
 )
 
 

@@ -18,7 +18,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.topics import FORCE_CORRECTION, SHEAR_ESTIMATOR
 from bmd_rths_nodes.cli.configuration import model_option, parsed_settings, set_option
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
-from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
+from bmd_rths_nodes.cli.options import check_writable, json_option, log, namespace_option, progress_bar
 from bmd_rths_nodes.cli.results import without_nan
 from bmd_rths_nodes.cli.ros_required import require_ros
 from bmd_rths_nodes.run.bag_names import new_bag_directory
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     help=f"With --ros: nodes that have to be ready first. [default: {SHEAR_ESTIMATOR},{FORCE_CORRECTION}]",
 )
 @click.option("--output", type=click.Path(path_type=Path), help="Folder to write a bag of the replay into.")
+@namespace_option
 @json_option
 def replay(
     bag: str,
@@ -55,6 +56,7 @@ def replay(
     rate: float | None,
     peers: str | None,
     output: Path | None,
+    namespace: str,
     as_json: bool,
 ) -> int:
     """Feed recorded measurements through shear estimator and force correction again, and show the difference.
@@ -81,7 +83,7 @@ def replay(
         check_writable(output)
     if ros:
         names = f"{SHEAR_ESTIMATOR},{FORCE_CORRECTION}" if peers is None else peers
-        return _on_ros(record, rate or 1.0, [name for name in names.split(",") if name], output, as_json)
+        return _on_ros(record, rate or 1.0, [name for name in names.split(",") if name], namespace, output, as_json)
     recorded = config_from_mapping(record.configuration)
     config = _changed(recorded, models, settings)
     done = replay_in_process(record, config)
@@ -102,7 +104,9 @@ def _changed(config: Config, models: tuple[str, ...], settings: tuple[str, ...])
     return config.changed(**parsed_settings(settings))
 
 
-def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | None, as_json: bool) -> int:
+def _on_ros(
+    record: RunRecord, rate: float, peers: list[str], namespace: str, output: Path | None, as_json: bool
+) -> int:
     """Play to the nodes and compare their answers; return 1 when that ended early."""
     from bmd_rths_core.analysis.replay import answered_replay
     from bmd_rths_core.config import config_from_mapping
@@ -113,8 +117,8 @@ def _on_ros(record: RunRecord, rate: float, peers: list[str], output: Path | Non
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total} steps"))
     with (
         collected_interrupts() as interrupts,
-        domain_lock(),
-        RunMonitor() as monitor,
+        domain_lock(namespace),
+        RunMonitor(namespace) as monitor,
         contextlib.closing(Playback(monitor, record, config_from_mapping(record.configuration))) as playback,
         progress_bar(*columns, TimeElapsedColumn()) as progress,
     ):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bmd_rths_msgs_py.topics import NAMESPACE
+
 if TYPE_CHECKING:
     from bmd_rths_core.analysis.run_analysis import RunAnalysis
 
@@ -60,6 +62,8 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         "missing_share": analysis.gaps.share,
         "may_have_changed": dict(analysis.gaps.changes) or None,
     }
+    if record.namespace not in ("", NAMESPACE):
+        result["namespace"] = record.namespace
     if analysis.ductility is not None:
         result["ductility"] = list(analysis.ductility)
     if record.timing is not None:
@@ -117,6 +121,8 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
         table.add_row("steps that began late", str(result["late_ticks"]))
         table.add_row("closure of a step", closure)
+    if "namespace" in result:
+        table.add_row("namespace", result["namespace"])
     table.add_row("verdict", Text(result["verdict"], style=_COLOURS[result["verdict"]]))
     Console(soft_wrap=True).print(table)
     for reason in result["verdict_reasons"]:

@@ -14,7 +14,7 @@ from bmd_rths_nodes.cli import preflight
 from bmd_rths_nodes.cli.commission import age_in_words
 from bmd_rths_nodes.cli.configuration import RECORD_OPTIONS, ConfigChoice, configured
 from bmd_rths_nodes.cli.interrupts import collected_interrupts
-from bmd_rths_nodes.cli.options import json_option, log, output_folder, progress_bar
+from bmd_rths_nodes.cli.options import json_option, log, namespace_option, output_folder, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
 from bmd_rths_nodes.cli.ros_required import require_ros
 
@@ -46,6 +46,7 @@ _TOO_SLOW = (
 @click.option("--output", type=click.Path(path_type=Path), help="Folder the bag is written into.")
 @click.option("--monitor", "with_page", is_flag=True, help="Show the test live on a page for a browser, with STOP.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port of --monitor. [default: any that is free]")
+@namespace_option
 @json_option
 def run(
     choice: ConfigChoice,
@@ -55,6 +56,7 @@ def run(
     output: Path | None,
     with_page: bool,
     port: int,
+    namespace: str,
     as_json: bool,
 ) -> int:
     """Run a test on the ROS graph, record it and print its errors.
@@ -84,7 +86,8 @@ def run(
     folder = output if output is not None else Path(resolved.recorder.directory)
     resolved = resolved.changed(recorder__directory=str(folder.absolute()))
     with _page(with_page, port) as page:  # to the very end, so that a browser sees how the test has ended
-        with output_folder(folder), RunMonitor() as monitor:  # looks for another run while this one is predicted
+        # The monitor looks for another run while this one is predicted.
+        with output_folder(folder), RunMonitor(namespace) as monitor:
             prediction = preflight.checked(resolved, motion)
             if prediction is not None:
                 log(preflight.in_words(resolved, prediction))

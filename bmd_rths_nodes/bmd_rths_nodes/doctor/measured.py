@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
+from bmd_rths_msgs_py.topics import NAMESPACE, ROLES
 from bmd_rths_nodes.doctor.finding import GOOD, NOTE, PROBLEM, WARNING, Finding
 
 #: How long the timer is watched [s].
@@ -112,9 +113,11 @@ def others_finding(nodes: Sequence[str]) -> Finding:
     if not nodes:
         return Finding("other nodes", GOOD, "none on this domain")
     listed = ", ".join(nodes[:6]) + (f" and {len(nodes) - 6} more" if len(nodes) > 6 else "")
-    if any(name.startswith("/rths/") for name in nodes):
-        return Finding("other nodes", WARNING, listed, "a test is on this domain; set ROS_DOMAIN_ID to a free one")
-    return Finding("other nodes", NOTE, listed, "they may stay; none of them may publish on a topic of /rths")
+    tests = sorted({name.rpartition("/")[0] for name in nodes if name.rpartition("/")[2] in ROLES})
+    if tests:
+        advice = f"a test is on this domain, in {', '.join(tests)}; set ROS_DOMAIN_ID to a free one"
+        return Finding("other nodes", WARNING, listed, advice)
+    return Finding("other nodes", NOTE, listed, f"they may stay; none of them may publish on a topic of {NAMESPACE}")
 
 
 # ---- a real test

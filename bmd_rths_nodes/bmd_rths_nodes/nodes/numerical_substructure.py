@@ -9,7 +9,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from bmd_rths_core.config import Config
@@ -28,13 +28,16 @@ from bmd_rths_msgs_py.topics import (
     RECORDER,
     REQUIRED_FORCE,
     ROLES,
+    TABLE_DRIVER,
 )
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.agreement import with_motion
+from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.messages import owns_the_interface
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.ros.triggers import NEXT_TEST, RESET, STOP, Refused
 
 #: Shortest time between two reports of missed deadlines [s]: telling takes time that the loop lacks just then.
 MISS_REPORT_PERIOD = 0.1
@@ -47,8 +50,14 @@ class NumericalSubstructureNode(StageNode):
     """
 
     ROLE = NUMERICAL_SUBSTRUCTURE
+    SERVICES = (NEXT_TEST,)
 
     _conductor: Conductor
+
+    def __init__(self, intra_process: IntraProcess) -> None:
+        self._told: dict[str, NodeStatus] = {}
+        self._table_moves = False
+        super().__init__(intra_process)
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
@@ -142,6 +151,47 @@ class NumericalSubstructureNode(StageNode):
         due = self._conductor.poll(now, ready)
         self._tell_changes()
         return due
+
+    # ---- the operator
+
+    def operator_services(self) -> Mapping[str, Callable[[], str]]:
+        """Offer the operator the next test."""
+        return {NEXT_TEST: self._on_next_test}
+
+    def on_told(self, peer: NodeStatus) -> None:
+        """Keep what table driver and recorder say, also while they are in no test."""
+        self._told[peer.role] = peer
+        if peer.role == TABLE_DRIVER and "table" in peer.values:
+            self._table_moves = peer.values["table"] == "moving"
+
+    def _on_next_test(self) -> str:
+        """Offer a new test to the nodes, which begins when all of them are ready for it."""
+        if problem := self._why_no_next_test():
+            raise Refused(problem)
+        self.reset_stage()
+        self.take_part()
+        return f"the next test, {self.agreement.run}, begins when every node is ready"
+
+    def _why_no_next_test(self) -> str:
+        """Return why the operator gets no new test now; empty when nothing is in the way."""
+        if self.state is not NodeState.ENDED:
+            return {
+                NodeState.INACTIVE: "the numerical substructure is inactive; activate it",
+                NodeState.RUNNING: f"a test is running; {STOP} of the table driver ends it",
+            }.get(self.state, "a test is about to begin already")
+        for role in (TABLE_DRIVER, RECORDER) if self.config.run.record else (TABLE_DRIVER,):
+            told = self._told.get(role)
+            if told is not None and told.state is NodeState.TRIPPED:
+                way_out = f"{RESET} arms it again" if role == TABLE_DRIVER else "deactivate and activate it"
+                return f"{role} has tripped ({told.message}); {way_out}"
+        if self._table_moves:
+            return "the table is still on its way to rest"
+        recorder = self._told.get(RECORDER)
+        if self.config.run.record and recorder is not None and recorder.state in (NodeState.WAITING, NodeState.READY):
+            return "the bag of the last test is not closed yet"
+        return ""
+
+    # ---- the loop
 
     def _on_step(self, begun: Begun) -> None:
         desired = begun.desired_acceleration

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.record import TimingStatistics, provenance
@@ -19,6 +20,7 @@ from bmd_rths_core.safety.way_to_rest import longest_way_to_rest
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
+from bmd_rths_msgs_py.node_status import is_of_others
 from bmd_rths_msgs_py.topics import (
     DESIRED_ACCELERATION,
     DIAGNOSTICS,
@@ -36,6 +38,7 @@ from bmd_rths_nodes.ros.agreement import with_motion
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
+from bmd_rths_nodes.ros.step_order import StepOrder
 from bmd_rths_nodes.ros.versions import ros_versions
 from bmd_rths_nodes.run.bag_names import new_bag_directory
 
@@ -88,8 +91,8 @@ class RecorderNode(StageNode):
     """Node around `bmd_rths_msgs_py.bag_writer.BagWriter`.
 
     The bag is opened, with the whole story of the test, when the node is activated, and closed when the numerical
-    substructure has told how the test ended, and the table driver that the table is at rest. One activation records one
-    test.
+    substructure has told how the test ended, and the table driver that the table is at rest. The next test that the
+    numerical substructure offers then gets the next bag.
     """
 
     ROLE = RECORDER
@@ -122,7 +125,7 @@ class RecorderNode(StageNode):
         self._quiet_looks = 0
         self._messages = 0
         uncounted = (*WAY_TO_REST_TOPICS, DIAGNOSTICS)
-        self._next_step = {topic.full_name: 0 for topic in TOPICS.values() if topic not in uncounted}
+        self._next_step = {topic.name: 0 for topic in TOPICS.values() if topic not in uncounted}
         self._steps_told_of = 0
         self._end: End | None = None
         self._table_moves = False
@@ -148,6 +151,11 @@ class RecorderNode(StageNode):
             self._close("failed", "the recorder was deactivated before the test ended", None)
         else:
             self._close("stopped", "the recorder was stopped before the test ended", None)
+
+    @property
+    def ready_words(self) -> str:
+        """Say where the test is recorded."""
+        return f"ready; the test begins when every node is, and is recorded in {self._bag}"
 
     def wants_more_time(self, waited: float, hurried: bool) -> bool:
         """Wait for the end of a test that is under way, and for the way of the table to rest."""
@@ -190,7 +198,7 @@ class RecorderNode(StageNode):
             return False  # where a node is gone nothing more comes
         # The last step of a test that did not finish may not have come round.
         least = end.step if end.outcome is Outcome.FINISHED else end.step - 1
-        sent = min(self._next_step[topic.full_name] for topic in SENT_AT_EVERY_STEP)
+        sent = min(self._next_step[topic.name] for topic in SENT_AT_EVERY_STEP)
         return sent < end.step or self._recorded_steps() < least
 
     def _recorded_steps(self) -> int:
@@ -207,13 +215,14 @@ class RecorderNode(StageNode):
 
     def _recorder_of(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that records the messages of a topic and counts those that did not come."""
-        name, type_name, time_step_ns = topic.full_name, topic.type_name, self.config.run.time_step_ns
+        name, time_step_ns = topic.name, self.config.run.time_step_ns
+        full_name = topic.full_name_in(self.get_namespace())
         lockstep = self.config.run.lockstep
 
         def on_message(data: bytes) -> None:
             if self._writer is None:
                 return
-            self._record(name, type_name, data)
+            self._record(full_name, topic, data)
             self._note_message()
             try:
                 step = read_stamp(data) // time_step_ns
@@ -229,10 +238,11 @@ class RecorderNode(StageNode):
 
     def _recorder_of_the_way_to_rest(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that records what follows a test; what precedes its steps is of an earlier one."""
+        full_name = topic.full_name_in(self.get_namespace())
 
         def on_message(data: bytes) -> None:
             if self._writer is not None and self.order.steps > 0:
-                self._record(topic.full_name, topic.type_name, data)
+                self._record(full_name, topic, data)
                 self._note_message()
 
         return on_message
@@ -243,12 +253,27 @@ class RecorderNode(StageNode):
         self.order.steps += 1
 
     def _record_diagnostics(self, data: bytes) -> None:
-        self._record(DIAGNOSTICS.full_name, DIAGNOSTICS.type_name, data)
+        if not is_of_others(data, self.get_namespace()):
+            self._record(DIAGNOSTICS.name, DIAGNOSTICS, data)
 
     @property
     def free(self) -> bool:
-        """True before the first step of a test: one bag holds one test."""
-        return super().free and self.order.steps == 0 and self._end is None
+        """True before the first step of a test, and when its bag is closed: one bag holds one test."""
+        before = super().free and self.order.steps == 0 and self._end is None
+        return before or self.state is NodeState.ENDED
+
+    def on_new_test(self) -> None:
+        """Open the next bag, where the last one is closed."""
+        super().on_new_test()
+        if self.state is not NodeState.ENDED:
+            return
+        self.order = StepOrder(self.config.run.time_step_ns)
+        try:
+            self.reset_stage()
+        except InputError as error:
+            self.set_state(NodeState.TRIPPED, str(error), status.ERROR)
+        else:
+            self.set_state(NodeState.WAITING)
 
     def on_peer(self, peer: NodeStatus) -> None:
         """Take note of the end of the test, and of the table."""
@@ -269,10 +294,10 @@ class RecorderNode(StageNode):
         self._close("failed", problem, None)
         super().on_disturbance(problem)
 
-    def _record(self, name: str, type_name: str, data: bytes) -> None:
+    def _record(self, name: str, topic: Topic, data: bytes) -> None:
         now = time.time_ns()
         writer = self._writer
-        if writer is not None and self._guarded(lambda: writer.write(name, type_name, data, now, now)):
+        if writer is not None and self._guarded(lambda: writer.write(name, topic.type_name, data, now, now)):
             self._messages += 1
 
     def _guarded(self, action: Callable[[], None]) -> bool:

@@ -13,7 +13,7 @@ from bmd_rths_core.loop.build import make_calibration, make_supervisor
 from bmd_rths_core.loop.states import DriveState, NodeState, Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.safety import Action, State
-from bmd_rths_core.table.controller import TableCommand, TableMeasurement
+from bmd_rths_core.table.controller import TableCommand, TableController, TableMeasurement
 from bmd_rths_msgs_py.topics import (
     COMMAND,
     MEASUREMENT,
@@ -48,13 +48,18 @@ class TableDriverNode(StageNode):
     """
 
     ROLE = TABLE_DRIVER
+    SERVICES = (STOP, EMERGENCY_STOP, RESET)
 
     _driver: TableDriver
     _test_runs_until = 0.0
 
+    def make_table(self, config: Config) -> TableController:
+        """Return the table controller, not connected yet; a driver of somebody else has one of its own."""
+        return make_table_controller(config)
+
     def configure_stage(self, config: Config) -> None:
         """Make controller, supervisor and topics."""
-        self._table = make_table_controller(config)
+        self._table = self.make_table(config)
         self._driver = TableDriver(
             self._table,
             make_supervisor(config),

@@ -15,6 +15,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.topics import NAMESPACE
 from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.executable_help import OWN_PARAMETERS
 from bmd_rths_nodes.ros.parameters import (
     changed_configuration,
     declare_configuration,
@@ -31,14 +32,11 @@ class ManagedNode(LifecycleNode, ABC):
 
     def __init__(self) -> None:
         super().__init__(self.ROLE, namespace=NAMESPACE)
-        refuse_other_name(self, f"/{NAMESPACE}/{self.ROLE}")
+        refuse_other_name(self, self.ROLE)
         self.config: Config = read_configuration(self)
         declare_configuration(self, self.config, ROLES[self.ROLE].sections)
-        self.declare_parameter(
-            "autostart", True, ParameterDescriptor(description="Configure and activate the node when it starts")
-        )
-        description = "End the process when a test is over: it has ended, the table is at rest, the bag is closed"
-        self.declare_parameter("exit_when_done", False, ParameterDescriptor(description=description))
+        for name, (default, description) in OWN_PARAMETERS.items():
+            self.declare_parameter(name, default, ParameterDescriptor(description=description))
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.problem = ""
         self.to_log: list[tuple[bytes, str]] = []

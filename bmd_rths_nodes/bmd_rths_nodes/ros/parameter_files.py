@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from bmd_rths_core.errors import InputError
-from bmd_rths_msgs_py.topics import NAMESPACE, ROLES
+from bmd_rths_msgs_py.topics import ROLES
 
 _PARAMETERS = "ros__parameters"
 
@@ -31,10 +31,11 @@ def refuse_unreached(arguments: Sequence[str], nodes: Sequence[str]) -> None:
         A node is reached by none of the files, or a file names a node of this project that does not exist.
     """
     keys = {file: sorted(_node_keys(file)) for file in parameter_files(arguments)}
-    roles = [f"/{NAMESPACE}/{role}" for role in ROLES]
+    namespace = nodes[0].rpartition("/")[0]
+    roles = [f"{namespace}/{role}" for role in ROLES]
     for file, found in keys.items():
         for key in found:
-            ours = key.split("/")[1:2] == [NAMESPACE] or len(found) == 1
+            ours = key.startswith(f"{namespace}/") or len(found) == 1
             if ours and not any(_reaches(key, role) for role in roles):
                 raise InputError(f"{file}: {key} is no node of a test; allowed here: /**, {', '.join(roles)}")
     for node in nodes:

@@ -55,25 +55,27 @@ def read_configuration(node: Node) -> Config:
 
 
 def refuse_other_name(node: Node, name: str) -> None:
-    """Refuse a node whose name or namespace was changed: the others look for it below its own name.
+    """Refuse a node whose name was changed, or that has no namespace: the others look for it below its own name.
 
     Parameters
     ----------
     node : Node
         The node.
     name : str
-        Its fully qualified name.
+        The name it has to have, without its namespace.
 
     Raises
     ------
     InputError
-        It has another name.
+        It has another one.
     """
-    if node.get_fully_qualified_name() != name:
+    if node.get_name() != name:
         raise InputError(
-            f"__ns, __node: {node.get_fully_qualified_name()} is not supported, {name} is required; "
-            "set ROS_DOMAIN_ID to run several tests on one network"
+            f"__node: {node.get_name()} is not supported, {name} is required; "
+            "__ns:=/rig1 gives a rig a namespace of its own, so that several share one network"
         )
+    if node.get_namespace() == "/":
+        raise InputError("__ns: / is not supported; a namespace of its own is required for each rig, as in /rig1")
 
 
 def declare_configuration(node: Node, config: Config, sections: Iterable[str] | None) -> None:

@@ -23,7 +23,6 @@ from bmd_rths_msgs_py.topics import (
     GROUND_ACCELERATION,
     INTERFACE_FORCE,
     MEASUREMENT,
-    NAMESPACE,
     NUMERICAL_SUBSTRUCTURE,
     REQUIRED_FORCE,
 )
@@ -82,7 +81,7 @@ class Playback:
         self._steps = record.steps
         self._time_step_ns = config.run.time_step_ns
         self._node = Node(
-            NUMERICAL_SUBSTRUCTURE, namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False
+            NUMERICAL_SUBSTRUCTURE, namespace=monitor.namespace, enable_rosout=False, start_parameter_services=False
         )
         monitor.spin_too(self._node)
         self._publishers: list[Publisher] = []
@@ -167,8 +166,9 @@ class Playback:
     def _refuse_other_publishers(self) -> None:
         own = 1 if self._publishers else 0
         for topic in PLAYED_TOPICS:
-            if self._node.count_publishers(topic.full_name) > own:
-                raise another_run(f"it publishes {topic.full_name}")
+            name = self._node.resolve_topic_name(topic.name)
+            if self._node.count_publishers(name) > own:
+                raise another_run(f"it publishes {name}")
 
     def _matched(self, roles: Collection[str]) -> bool:
         """Tell whether every listener on this domain is connected, and the nodes are among them."""

@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.ros.ending_signals import Ending
+from bmd_rths_nodes.ros.executable_help import help_of
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.middleware import prepare_middleware
 from bmd_rths_nodes.ros.parameter_files import refuse_unreached
@@ -61,9 +62,16 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     Returns
     -------
     int
-        Exit status: 0 after a signal, 2 when parameters or inputs are wrong; with ``exit_when_done`` 0 when the test
-        has finished, and 1 when it has ended in another way.
+        Exit status: 0 after ``--help`` or a signal, 2 when parameters or inputs are wrong; with ``exit_when_done`` 0
+        when the test has finished, and 1 when it has ended in another way.
     """
+    given = sys.argv if arguments is None else arguments
+    try:
+        if text := help_of(node_types, given[1:] if arguments is None else given):
+            print(text)
+            return 0
+    except InputError as error:
+        return _refuse(str(error))
     ending = Ending()
     try:
         prepare_middleware()
@@ -80,7 +88,9 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
             nodes.append(node_type(intra_process))
             executor.add_node(nodes[-1])
         names = [node.get_fully_qualified_name() for node in nodes]
-        refuse_unreached(sys.argv if arguments is None else arguments, names)
+        if len({node.get_namespace() for node in nodes}) > 1:
+            return _refuse(f"__ns: the nodes of one process are in one namespace, these are not: {', '.join(names)}")
+        refuse_unreached(given, names)
         first = nodes[0]
         if first.in_real_time and (in_force := enter_real_time(first.config.real_time)):
             first.get_logger().info(f"in real time: {', '.join(in_force)}")

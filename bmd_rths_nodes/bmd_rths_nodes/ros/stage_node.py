@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
@@ -55,6 +55,9 @@ class StageNode(ManagedNode):
         Nodes of the same process, which get their messages from there.
     """
 
+    #: Names of the services that `operator_services` offers.
+    SERVICES: ClassVar[tuple[str, ...]] = ()
+
     def __init__(self, intra_process: IntraProcess) -> None:
         super().__init__()
         self._intra_process = intra_process
@@ -98,6 +101,14 @@ class StageNode(ManagedNode):
 
     def on_peer(self, peer: NodeStatus) -> None:
         """Take note of what another node of this test says of itself."""
+
+    def on_told(self, peer: NodeStatus) -> None:
+        """Take note of what another node says of itself, whether or not it takes part in this test."""
+
+    def on_new_test(self) -> None:
+        """Take part in the test that the numerical substructure has just offered."""
+        self._said = ""
+        self.end_of_test = EndOfTest(self.config.run.record)
 
     def on_missed_beginning(self) -> None:
         """Take note of a test that began without this node."""
@@ -194,6 +205,7 @@ class StageNode(ManagedNode):
         self.order = StepOrder(self.config.run.time_step_ns)
         self._steps_told = 0
         self.end_of_test = EndOfTest(self.config.run.record)
+        self._said = ""
         self.agreement.begin(self.shared_parameters())
         self.set_state(NodeState.WAITING)
 
@@ -310,6 +322,11 @@ class StageNode(ManagedNode):
         """Return for whom the node waits, for a person; empty when that is not known."""
         return ", ".join(self._connections.missing(self.config))
 
+    @property
+    def ready_words(self) -> str:
+        """What the node says on the console when it is ready."""
+        return "ready; the test begins when every node is, and nothing is said until it has ended"
+
     def _say_the_end(self, peer: NodeStatus) -> None:
         """Say on the console how the test has ended, once, where no other node of the process does."""
         if peer.role != NUMERICAL_SUBSTRUCTURE or self._intra_process.has(NUMERICAL_SUBSTRUCTURE):
@@ -322,7 +339,7 @@ class StageNode(ManagedNode):
 
     def _say_what_is_waited_for(self, now: float) -> None:
         """Say on the console that the node waits, and for whom, or that it is ready: not while a test is under way."""
-        words = "ready; the test begins when every node is"
+        words = self.ready_words
         if self.state is NodeState.WAITING:
             words = f"waiting for {self.note or self.waited_for() or 'the others'}"
         if words == self._said:
@@ -335,14 +352,17 @@ class StageNode(ManagedNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for peer in status.from_message(message):
-            if peer.instance != self._intra_process.instance:
+            own = peer.namespace == self.get_namespace()  # otherwise it is of another rig
+            if own and peer.instance != self._intra_process.instance:
                 self._intra_process.tell_status("", peer)
 
     def _hear(self, peer: NodeStatus) -> None:
         """Believe the nodes of this test and nobody else."""
+        self.on_told(peer)
         unbound = not self.agreement.run
         heard = self.agreement.hear(peer, time.perf_counter(), self.free)
         if heard is Heard.ADOPTED:
+            self.on_new_test()
             self.status_due_within(0.0)
         elif heard is Heard.LATE:
             self.on_missed_beginning()

@@ -9,10 +9,10 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from bmd_rths_msgs_py.topics import NAMESPACE
 from bmd_rths_nodes.ros import qos
 
 STOP, EMERGENCY_STOP, RESET = "stop", "emergency_stop", "reset"
+NEXT_TEST = "next_test"
 
 #: Time after which a request without an answer is sent again [s]. The middleware repeats what was lost after up to 3 s,
 #: or as soon as there is more to send; what was sent before the node was found it does not repeat at all.
@@ -61,14 +61,14 @@ class TriggerClients:
     ----------
     node : Node
         The node that calls.
-    role : str
-        The node that answers. The clients have to find it before a call is of use, so make them early.
+    answerer : str
+        Full name of the node that answers. The clients have to find it before a call is of use, so make them early.
     names : str
         Names of the services.
     """
 
-    def __init__(self, node: Node, role: str, *names: str) -> None:
-        self._clients = {name: node.create_client(Trigger, f"/{NAMESPACE}/{role}/{name}") for name in names}
+    def __init__(self, node: Node, answerer: str, *names: str) -> None:
+        self._clients = {name: node.create_client(Trigger, f"{answerer}/{name}") for name in names}
         self._requests: dict[str, list[Future]] = {}
         self._repeat_due = 0.0
 

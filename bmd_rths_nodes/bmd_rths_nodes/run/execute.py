@@ -56,7 +56,7 @@ def run_on_ros(
     modules : sequence of str
         `PROCESSES` or `COMPOSED_PROCESSES`.
     monitor : RunMonitor
-        Hears the nodes.
+        Hears the nodes, in the namespace they get.
     interrupts : sequence of int
         Signals received so far; a handler appends to it. `OperatorStop` says what each does.
     log : callable
@@ -73,16 +73,16 @@ def run_on_ros(
     Raises
     ------
     InputError
-        Another run is active on this ROS domain; nothing was started.
+        Another run is active in this namespace of the ROS domain; nothing was started.
     RunFailed
         There is no bag that was closed.
     """
-    with domain_lock(), tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
+    with domain_lock(monitor.namespace), tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
         if others := monitor.nodes_already_there():
             raise another_run(", ".join(others))
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
-        processes = NodeProcesses(modules, parameter_file, Path(scratch))
+        processes = NodeProcesses(modules, parameter_file, Path(scratch), monitor.namespace)
         monitor.believe_only(processes.owns)
         operator = OperatorStop(monitor, processes, interrupts, log, config.table.halt_time)
         # Twice: what the clock has added up to may have to be taken back by a second way.

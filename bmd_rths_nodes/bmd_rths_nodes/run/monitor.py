@@ -29,6 +29,8 @@ class RunMonitor:
 
     Parameters
     ----------
+    namespace : str
+        Namespace of the run.
     discovery_time : float
         Time in which nodes that are already there are discovered [s].
 
@@ -42,7 +44,8 @@ class RunMonitor:
         Stop and emergency stop of the table driver.
     """
 
-    def __init__(self, discovery_time: float = DISCOVERY_TIME) -> None:
+    def __init__(self, namespace: str = NAMESPACE, discovery_time: float = DISCOVERY_TIME) -> None:
+        self.namespace = namespace
         self._discovery_time = discovery_time
         self._believes: Callable[[NodeStatus], bool] = lambda told: True
         self._seen: set[str] = set()
@@ -59,7 +62,7 @@ class RunMonitor:
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.DIAGNOSTICS)
-        self.table = TriggerClients(self._node, TABLE_DRIVER, STOP, EMERGENCY_STOP)
+        self.table = TriggerClients(self._node, f"{self.namespace}/{TABLE_DRIVER}", STOP, EMERGENCY_STOP)
         return self
 
     def __exit__(
@@ -109,7 +112,8 @@ class RunMonitor:
             Takes a message as CDR.
         """
         profile = qos.DIAGNOSTICS if topic is DIAGNOSTICS else qos.WATCHER
-        self._node.create_subscription(message_class(topic), topic.full_name, on_message, profile, raw=True)
+        name = topic.full_name_in(self.namespace)
+        self._node.create_subscription(message_class(topic), name, on_message, profile, raw=True)
 
     def spin_too(self, node: Node) -> None:
         """Take the messages of another node of this process too, until it is destroyed.
@@ -122,12 +126,12 @@ class RunMonitor:
         self._executor.add_node(node)
 
     def nodes_already_there(self) -> list[str]:
-        """Return the nodes of another run on the same domain, as soon as any is discovered.
+        """Return the nodes of another run in the same domain and namespace, as soon as any is discovered.
 
         Returns
         -------
         list of str
-            Roles, empty when there was time to discover them and the domain is free.
+            Roles, empty when there was time to discover them and the domain is free for the namespace.
         """
         while (
             not (found := self.nodes_there() or sorted(self.status))
@@ -158,7 +162,18 @@ class RunMonitor:
             Roles.
         """
         names = self._node.get_node_names_and_namespaces()
-        return sorted({name for name, namespace in names if namespace == f"/{NAMESPACE}" and name in ROLES})
+        return sorted({name for name, namespace in names if namespace == self.namespace and name in ROLES})
+
+    def other_namespaces(self) -> list[str]:
+        """Return the namespaces of other runs on the domain that are discovered by now.
+
+        Returns
+        -------
+        list of str
+            In the order of the alphabet.
+        """
+        names = self._node.get_node_names_and_namespaces()
+        return sorted({namespace for name, namespace in names if name in ROLES} - {self.namespace})
 
     def all_nodes(self) -> list[str]:
         """Return the full names of all nodes on the domain that are discovered by now, without this one.
@@ -175,7 +190,8 @@ class RunMonitor:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for told in status.from_message(message):
             before = self.status.get(told.role)
-            if self._believes(told) and (before is None or told.stamp >= before.stamp):
+            own = told.namespace == self.namespace
+            if own and self._believes(told) and (before is None or told.stamp >= before.stamp):
                 self.status[told.role] = told
                 self.heard[told.role] = time.perf_counter()
 

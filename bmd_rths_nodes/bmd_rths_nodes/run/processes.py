@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bmd_rths_msgs_py.topics import NAMESPACE
 from bmd_rths_nodes.ros.agreement import is_of_process
 from bmd_rths_nodes.ros.ending_signals import REPEAT_TIME
 from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
@@ -70,16 +71,21 @@ class NodeProcesses:
         ROS parameter file all of them get.
     log_folder : Path
         Where their output goes.
+    namespace : str
+        Of the nodes.
     """
 
-    def __init__(self, modules: Sequence[str], parameter_file: Path, log_folder: Path) -> None:
+    def __init__(
+        self, modules: Sequence[str], parameter_file: Path, log_folder: Path, namespace: str = NAMESPACE
+    ) -> None:
+        given = ("--ros-args", "--params-file", str(parameter_file), "-r", f"__ns:={namespace}")
         environment = {**os.environ, SUPERVISOR_VARIABLE: str(os.getpid())}
         self.started: list[Supervised] = []
         for module in modules:
             log = log_folder / f"{module.rpartition('.')[2]}.log"
             with open(log, "wb") as output:
                 process = subprocess.Popen(
-                    [sys.executable, "-m", module, "--ros-args", "--params-file", str(parameter_file)],
+                    [sys.executable, "-m", module, *given],
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=subprocess.STDOUT,

@@ -13,6 +13,7 @@ from bmd_rths_core.record import provenance
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
+from bmd_rths_msgs_py.node_status import is_of_others
 from bmd_rths_msgs_py.topics import DESIRED_ACCELERATION, DIAGNOSTICS, NUMERICAL_SUBSTRUCTURE, TOPICS, Topic
 from bmd_rths_nodes.ros.versions import ros_versions
 from bmd_rths_nodes.run.monitor import RunMonitor
@@ -69,7 +70,10 @@ class TopicTap:
         self._last_signal = time.perf_counter()
 
     def _take(self, topic: Topic, data: bytes) -> None:
-        if topic is not DIAGNOSTICS:
+        if topic is DIAGNOSTICS:
+            if is_of_others(data, self._monitor.namespace):
+                return
+        else:
             try:
                 step = read_stamp(data) // self._time_step_ns
             except MalformedMessage:
@@ -81,7 +85,8 @@ class TopicTap:
             self._last_signal = time.perf_counter()
         if self._writer is not None:
             now = time.time_ns()
-            self._writer.write(topic.full_name, topic.type_name, data, now, now)
+            name = topic.full_name_in(self._monitor.namespace)
+            self._writer.write(name, topic.type_name, data, now, now)
 
     def poll(self) -> None:
         """Write what waits, and close the bag of a test that has ended."""

@@ -1,0 +1,1 @@
+"""Nodes of a laboratory, in place of nodes of bmd_rths."""
