@@ -10,8 +10,9 @@ from mcap.records import Channel, DataEnd, Message, Metadata
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD
-from bmd_rths_msgs_py.bag_reader import MAX_RECORD, bag_files, custom_data, open_regular, records_until_damage
+from bmd_rths_msgs_py.bag_reader import bag_files, custom_data
 from bmd_rths_msgs_py.growing_run import GrowingRun
+from bmd_rths_msgs_py.mcap_records import MAX_RECORD, open_regular, records_until_damage
 
 _MAGIC_SIZE = 8
 _HEAD_SIZE = 9  # opcode, and length of the content as eight bytes

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 import yaml
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, DataEnd, Message, Metadata
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import build_section
@@ -32,13 +31,11 @@ from bmd_rths_msgs_py.bag_completeness import (
 )
 from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD, motion_of, read_object, read_timing
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
+from bmd_rths_msgs_py.mcap_records import open_regular, records_until_damage
 from bmd_rths_msgs_py.topics import MEASUREMENT, SCALAR_TOPICS, WAY_TO_REST_COMMAND, WAY_TO_REST_MEASUREMENT, Topic
 
 #: Stamps beyond this step (seven hours at 200 Hz) are those of another clock, not of a test.
 MAX_STEPS = 5_000_000
-
-#: Largest record of an MCAP file, and largest chunk behind its compression [bytes].
-MAX_RECORD = 256_000_000
 
 #: Most bytes of messages of signals that are read; a test of seven hours at 200 Hz has fewer.
 MAX_CONTENT = 6_000_000_000
@@ -309,55 +306,6 @@ class _Contents:
         if self.converted:
             reasons.append("the configuration is of an older version: " + ", ".join(self.converted))
         return outcome, "; ".join(reasons)
-
-
-def open_regular(path: Path) -> IO[bytes]:
-    """Open a file to be read; what is no regular file may never end.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        It is a device, a pipe or a folder.
-    """
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path.name!r} is no regular file; an MCAP file is required")
-    return path.open("rb")
-
-
-def records_until_damage(stream: IO[bytes], whole_file: bool = True) -> Iterator[McapRecord]:
-    """Yield the records of an MCAP file up to the first that is incomplete or fails its checksum.
-
-    Only one chunk is in memory at a time.
-
-    Parameters
-    ----------
-    stream : IO of bytes
-        The file.
-    whole_file : bool
-        False for records out of the middle of a file, which has its mark at its beginning only.
-    """
-    reader = StreamReader(
-        stream, skip_magic=not whole_file, validate_crcs=True, emit_chunks=True, record_size_limit=MAX_RECORD
-    )
-    records = reader.records
-    while True:
-        try:
-            record = next(records)
-            inner = _inner(record) if isinstance(record, Chunk) else [record]
-        except Exception:  # whatever mcap, struct, the text codec or a decompressor make of damaged bytes
-            return
-        yield from inner
-
-
-def _inner(chunk: Chunk) -> list[McapRecord]:
-    if chunk.uncompressed_size > MAX_RECORD:
-        raise ValueError("a chunk larger than any that is written")
-    return list(breakup_chunk(chunk, validate_crc=True))
 
 
 def _read_metadata(file: Path) -> str:

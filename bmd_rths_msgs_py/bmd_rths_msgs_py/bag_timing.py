@@ -9,8 +9,9 @@ from mcap.records import Channel, Message
 
 from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.record import RunRecord
-from bmd_rths_msgs_py.bag_reader import bag_files, open_regular, records_until_damage
+from bmd_rths_msgs_py.bag_reader import bag_files
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
+from bmd_rths_msgs_py.mcap_records import open_regular, records_until_damage
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DESIRED_ACCELERATION
 
 

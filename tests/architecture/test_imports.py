@@ -31,13 +31,12 @@ def lint_imports(root):
     )
 
 
-@pytest.fixture
-def copy(tmp_path):
+def copied(folder):
     """Copy the packages and the contracts."""
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    shutil.copy(ROOT / "pyproject.toml", folder)
     for package in PACKAGES:
-        shutil.copytree(ROOT / package / package, tmp_path / package / package)
-    return tmp_path
+        shutil.copytree(ROOT / package / package, folder / package / package)
+    return folder
 
 
 def test_the_contracts_hold():
@@ -46,75 +45,90 @@ def test_the_contracts_hold():
     assert re.search(r"[1-9]\d* kept, 0 broken", result.stdout)
 
 
-@pytest.mark.parametrize(
-    ("module", "statement", "broken"),
-    [
-        ("bmd_rths_core.compensators.phase_lead", "import rclpy", "bmd_rths_core is not allowed to import rclpy"),
-        ("bmd_rths_core.table.models.simulated", "import time", "bmd_rths_core is not allowed to import time"),
-        (
-            "bmd_rths_core.loop.rths_loop",
-            "from datetime import datetime",
-            "bmd_rths_core is not allowed to import datetime",
-        ),
-        ("bmd_rths_core.table.controller", "import socket", "bmd_rths_core is not allowed to import socket"),
-        ("bmd_rths_core.record", "from mcap.writer import Writer", "bmd_rths_core is not allowed to import mcap"),
-        (
-            "bmd_rths_core.analysis.metrics",
-            "import matplotlib.pyplot",
-            "bmd_rths_core is not allowed to import matplotlib",
-        ),
-        (
-            "bmd_rths_core.safety.config",
-            "import bmd_rths_core.compensators.phase_lead",
-            "bmd_rths_core.safety.config -> bmd_rths_core",
-        ),
-        (
-            "bmd_rths_core.structure.damping",
-            "import bmd_rths_core.config",
-            "bmd_rths_core.structure is not allowed to import bmd_rths_core.config",
-        ),
-        (
-            "bmd_rths_core.loop.rths_loop",
-            "from bmd_rths_core.analysis.metrics import run_metrics",
-            "bmd_rths_core.loop is not allowed to import bmd_rths_core.analysis",
-        ),
-        (
-            "bmd_rths_core.stages.force_correction",
-            "import bmd_rths_core.compensators.schemes",
-            "bmd_rths_core.stages is not allowed to import bmd_rths_core.compensators",
-        ),
-        (
-            "bmd_rths_core.safety.ramp",
-            "import bmd_rths_core.table.models.simulated",
-            "bmd_rths_core.safety is not allowed to import bmd_rths_core.table",
-        ),
-        (
-            "bmd_rths_core.report.document",
-            "import matplotlib.pyplot",
-            "bmd_rths_core is not allowed to import matplotlib",
-        ),
-        ("bmd_rths_msgs_py.cdr", "from rclpy.time import Time", "bmd_rths_msgs_py is not allowed to import rclpy"),
-        ("bmd_rths_nodes.run.execute", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
-        (
-            "bmd_rths_nodes.cli.configuration",
-            "from ament_index_python.packages import get_package_share_directory",
-            "bmd_rths_nodes is not allowed to import ament_index_python",
-        ),
-        ("bmd_rths_nodes.ros.spin", "import numpy as np", "bmd_rths_nodes is not allowed to import numpy"),
-    ],
-)
-def test_a_planted_import_is_found(copy, module, statement, broken):
-    package, *_ = module.split(".")
-    path = copy / package / Path(*module.split(".")).with_suffix(".py")
-    path.write_text(f"{path.read_text()}\n\ndef planted():\n    {statement}\n")
-    result = lint_imports(copy)
+#: Imports that a contract forbids: the module that has it, the statement, and what is told of it.
+PLANTED = [
+    ("bmd_rths_core.compensators.phase_lead", "import rclpy", "bmd_rths_core is not allowed to import rclpy"),
+    ("bmd_rths_core.table.models.simulated", "import time", "bmd_rths_core is not allowed to import time"),
+    (
+        "bmd_rths_core.loop.rths_loop",
+        "from datetime import datetime",
+        "bmd_rths_core is not allowed to import datetime",
+    ),
+    ("bmd_rths_core.table.controller", "import socket", "bmd_rths_core is not allowed to import socket"),
+    ("bmd_rths_core.record", "from mcap.writer import Writer", "bmd_rths_core is not allowed to import mcap"),
+    (
+        "bmd_rths_core.analysis.metrics",
+        "import matplotlib.pyplot",
+        "bmd_rths_core is not allowed to import matplotlib",
+    ),
+    (
+        "bmd_rths_core.safety.config",
+        "import bmd_rths_core.compensators.phase_lead",
+        "bmd_rths_core.safety.config -> bmd_rths_core",
+    ),
+    (
+        "bmd_rths_core.structure.damping",
+        "import bmd_rths_core.config",
+        "bmd_rths_core.structure is not allowed to import bmd_rths_core.config",
+    ),
+    (
+        "bmd_rths_core.loop.closed_loop",
+        "from bmd_rths_core.analysis.metrics import run_metrics",
+        "bmd_rths_core.loop is not allowed to import bmd_rths_core.analysis",
+    ),
+    (
+        "bmd_rths_core.stages.force_correction",
+        "import bmd_rths_core.compensators.schemes",
+        "bmd_rths_core.stages is not allowed to import bmd_rths_core.compensators",
+    ),
+    (
+        "bmd_rths_core.safety.ramp",
+        "import bmd_rths_core.table.models.simulated",
+        "bmd_rths_core.safety is not allowed to import bmd_rths_core.table",
+    ),
+    (
+        "bmd_rths_core.report.document",
+        "import matplotlib.pyplot",
+        "bmd_rths_core is not allowed to import matplotlib",
+    ),
+    ("bmd_rths_msgs_py.cdr", "from rclpy.time import Time", "bmd_rths_msgs_py is not allowed to import rclpy"),
+    ("bmd_rths_nodes.run.execute", "import rclpy", "bmd_rths_nodes is not allowed to import rclpy"),
+    (
+        "bmd_rths_nodes.cli.configuration",
+        "from ament_index_python.packages import get_package_share_directory",
+        "bmd_rths_nodes is not allowed to import ament_index_python",
+    ),
+    ("bmd_rths_nodes.ros.spin", "import numpy as np", "bmd_rths_nodes is not allowed to import numpy"),
+]
+
+
+@pytest.fixture(scope="module")
+def told_of_planted(tmp_path_factory):
+    """Plant all of them, each in a module of its own, and return what is told, with single blanks."""
+    root = copied(tmp_path_factory.mktemp("planted"))
+    assert len({module for module, _, _ in PLANTED}) == len(PLANTED)
+    for module, statement, _ in PLANTED:
+        path = root / module.partition(".")[0] / Path(*module.split(".")).with_suffix(".py")
+        path.write_text(f"{path.read_text()}\n\ndef planted():\n    {statement}\n")
+    result = lint_imports(root)
     assert result.returncode == 1, result.stdout + result.stderr
-    assert broken in " ".join(result.stdout.split())
+    return " ".join(result.stdout.split())
 
 
-def test_a_module_without_a_layer_is_found(copy):
-    (copy / "bmd_rths_core" / "bmd_rths_core" / "planted.py").write_text('"""Belongs nowhere."""\n')
-    result = lint_imports(copy)
+@pytest.mark.parametrize(("module", "statement", "broken"), PLANTED)
+def test_a_planted_import_is_found(told_of_planted, module, statement, broken):
+    line = len((ROOT / module.partition(".")[0] / Path(*module.split(".")).with_suffix(".py")).read_text().splitlines())
+    imported = statement.split()[1]
+    outside = imported.partition(".")[0] if not imported.startswith("bmd_rths") else imported
+    assert broken in told_of_planted
+    # The line says that it is this one, and nothing that another one leads to.
+    assert f"{module} -> {outside} (l.{line + 4})" in told_of_planted
+
+
+def test_a_module_without_a_layer_is_found(tmp_path):
+    root = copied(tmp_path)
+    (root / "bmd_rths_core" / "bmd_rths_core" / "planted.py").write_text('"""Belongs nowhere."""\n')
+    result = lint_imports(root)
     assert result.returncode == 1, result.stdout + result.stderr
     assert "bmd_rths_core.planted" in result.stdout + result.stderr
 

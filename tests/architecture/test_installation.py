@@ -28,7 +28,7 @@ WHEELS_STARTED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 @pytest.fixture
 def copy(tmp_path):
     """Copy what is installed, because building leaves files beside the sources."""
-    for folder in (*PACKAGES, "config", "packaging", "ros2_ws"):
+    for folder in (*PACKAGES, "config", "ros2_ws"):
         ignored = shutil.ignore_patterns("build", "install", "log", "*.egg-info", "__pycache__")
         shutil.copytree(ROOT / folder, tmp_path / "copy" / folder, symlinks=True, ignore=ignored)
     return tmp_path / "copy"
@@ -99,7 +99,7 @@ def where_imported(python, folder, environment):
 
 
 @pytest.mark.slow
-def test_pip(copy, tmp_path, environment, monkeypatch):
+def test_pip(wheels, tmp_path, environment, monkeypatch):
     prefix = tmp_path / "venv"
     succeed([sys.executable, "-m", "venv", "--without-pip", prefix], tmp_path, environment)
     (site_packages,) = prefix.glob("lib/python*/site-packages")
@@ -108,10 +108,7 @@ def test_pip(copy, tmp_path, environment, monkeypatch):
     (site_packages / "shared.pth").write_text("\n".join(shared))
     python = prefix / "bin" / "python"
     offline = ("--no-index", "--no-deps", "--ignore-installed", "--no-cache-dir")
-    wheels = ("--no-index", "--no-build-isolation", "--no-deps", "--no-cache-dir", "--wheel-dir", tmp_path / "wheels")
-    folders = (*(copy / package for package in PACKAGES), copy / "packaging" / "bmd-rths")
-    succeed([sys.executable, "-m", "pip", "wheel", *wheels, *folders], tmp_path, environment)
-    found = ("--find-links", tmp_path / "wheels", "bmd-rths", *PACKAGES)
+    found = ("--find-links", wheels, "bmd-rths", *PACKAGES)
     succeed([python, "-m", "pip", "install", *offline, *found], tmp_path, environment)
     # As `pipx install bmd-rths[ros]` does: every requirement of the extras has a name that exists, and is there.
     extras = ("--no-index", "--dry-run", "bmd-rths[ros,foxglove,parquet,mat73,cluster]")

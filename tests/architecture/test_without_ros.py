@@ -1,18 +1,18 @@
 """Everything that needs no graph works where no package of ROS is installed.
 
 The environment is a real one, made without a network: a fresh venv in which the distributions that the three packages
-require, and theirs, are linked from the environment of the tests, and nothing else. pip installs the three folders
-into it with their requirements checked and no index, so a requirement of ROS would fail here.
+require, and theirs, are linked from the environment of the tests, and nothing else. pip installs the wheels of the
+three folders into it with their requirements checked and no index, so a requirement of ROS would fail here.
 """
 
 import ast
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import urllib.request
+from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -26,13 +26,14 @@ from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.main import COMMANDS
+from tests.architecture.conftest import made_once
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "bmd_rths_core" / "bmd_rths_core" / "data"
 PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
 
-#: What installs the three folders.
-BUILD = ("pip", "setuptools", "wheel")
+#: What installs the wheels of the three folders.
+BUILD = ("pip",)
 
 #: Variables that lead to ROS or to this checkout, the last set by the start-up code of the ROS wheels.
 NOT_INHERITED = ("PYTHONPATH", "PYTHONHOME", "AMENT_PREFIX_PATH", "ROS_DISTRO", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
@@ -74,13 +75,12 @@ def link(installed, site_packages):
 
 
 @pytest.fixture(scope="module")
-def offline(tmp_path_factory):
+def offline(wheels, tmp_path_factory):
     """Make the environment; return a function that runs its Python or its `bmd-rths`."""
-    folder = tmp_path_factory.mktemp("offline")
     environment = {name: value for name, value in os.environ.items() if name not in NOT_INHERITED}
     environment["OPENBLAS_NUM_THREADS"] = "1"
 
-    def run(*arguments, program="bmd-rths", status=0):
+    def run(*arguments, folder, program="bmd-rths", status=0):
         command = [str(folder / "venv" / "bin" / program), *(str(argument) for argument in arguments)]
         done = subprocess.run(
             command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300
@@ -88,23 +88,24 @@ def offline(tmp_path_factory):
         assert done.returncode == status, done.stdout + done.stderr
         return done
 
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder / "venv"], env=environment, check=True)
-    (site_packages,) = folder.glob("venv/lib/python*/site-packages")
-    for installed in closure([*BUILD, *(name for package in PACKAGES for name in declared(package))]).values():
-        link(installed, site_packages)
-    for name in (*PACKAGES, "config"):
-        ignored = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
-        shutil.copytree(ROOT / name, folder / "source" / name, symlinks=True, ignore=ignored)
-    sources = [folder / "source" / package for package in PACKAGES]
-    run("-m", "pip", "install", "--no-index", "--no-build-isolation", "--no-cache-dir", *sources, program="python")
-    run.folder, run.environment = folder, environment
-    return run
+    def make(folder):
+        subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder / "venv"], env=environment, check=True)
+        (site_packages,) = folder.glob("venv/lib/python*/site-packages")
+        for installed in closure([*BUILD, *(name for package in PACKAGES for name in declared(package))]).values():
+            link(installed, site_packages)
+        install = ("-m", "pip", "install", "--no-index", "--no-cache-dir", "--find-links", wheels, *PACKAGES)
+        run(*install, folder=folder, program="python")
+
+    folder = made_once(tmp_path_factory, "offline", make)
+    ready = partial(run, folder=folder)
+    ready.folder, ready.environment = folder, environment
+    return ready
 
 
 @pytest.fixture(scope="module")
-def bag(offline):
+def bag(offline, tmp_path_factory):
     """Record a short test there."""
-    done = offline("simulate", "simplified_bmd", *SHORT, "--output", offline.folder / "bags", "--json")
+    done = offline("simulate", "simplified_bmd", *SHORT, "--output", tmp_path_factory.mktemp("bags"), "--json")
     return Path(json.loads(done.stdout)["bag"])
 
 

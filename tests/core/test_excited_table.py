@@ -1,11 +1,12 @@
 """Driving a table: limits, stopping whatever happens, and records with gaps."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bmd_rths_core.config import Config
+from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
@@ -15,9 +16,11 @@ from bmd_rths_core.loop.hosting import VirtualClock
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.safety.commanded_motion import REST
 from bmd_rths_core.table.controller import TableMeasurement
+from tests.core.simulated_responses import simulated_responses
 
 DT = 0.005
 CONFIG = Config()
+CONFIGS = Path(__file__).parents[2] / "config"
 
 
 class Table:
@@ -93,6 +96,21 @@ def test_sensor_without_values_is_refused_in_one_line():
     with pytest.raises(InputError, match="step 0 has no acceleration") as error:
         drive(Table(floors=(1.0, np.nan)), make_supervisor(CONFIG), np.ones(3), DT)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["simplified_bmd", "eight_story_bmd"])
+def test_a_driven_table_answers_as_its_matrices_do(name):
+    """So that tests of what is made of the answers need not drive."""
+    config = load_config(CONFIGS / f"{name}.yaml").changed(run__seed=3, simulated_table__command_delay=0.0062)
+    command = excitation_command(ExcitationSettings(duration=20.0), DT)
+    ours, driven = simulated_responses(config, command), drive(*of(config), command, DT)
+    for signal in ("command", "table", "floors", "displacement", "shear"):
+        expected = getattr(driven, signal)
+        assert np.abs(getattr(ours, signal) - expected).max() <= 1e-9 * np.abs(expected).max(), signal
+
+
+def of(config):
+    return make_table_controller(config), make_supervisor(config)
 
 
 def test_simulated_table_can_be_driven():

@@ -8,12 +8,18 @@ import pytest
 
 from bmd_rths_core.config import load_config
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
-from bmd_rths_core.identification.excited_table import drive
-from bmd_rths_core.identification.joint_model import SERVO, identify_joint, servo_response
+from bmd_rths_core.identification.joint_model import identify_joint
+from bmd_rths_core.identification.joint_tables import SERVO, FittedSections, FittedServo, servo_response
 from bmd_rths_core.identification.output import model_text
-from bmd_rths_core.identification.specimen_model import floor_transmissibility, identify_specimen
+from bmd_rths_core.identification.specimen_model import (
+    floor_transmissibility,
+    identify_specimen,
+    transmissibility_changes,
+)
 from bmd_rths_core.identification.table_model import identify_table
-from bmd_rths_core.loop.build import make_known, make_supervisor, make_table_controller
+from bmd_rths_core.loop.build import make_known
+from bmd_rths_core.structure.shear_building import ShearBuilding
+from tests.core.simulated_responses import simulated_responses
 
 CONFIGS = Path(__file__).parents[2] / "config"
 BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0)
@@ -22,9 +28,8 @@ BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0)
 @cache
 def identified(name, **changes):
     config = load_config(CONFIGS / f"{name}.yaml").changed(**changes)
-    step = config.run.time_step
-    commands = excitation_command(ExcitationSettings(duration=120.0), step)
-    responses = drive(make_table_controller(config), make_supervisor(config), commands, step)
+    command = excitation_command(ExcitationSettings(duration=120.0), config.run.time_step)
+    responses = simulated_responses(config, command)
     table = identify_table(responses, BAND, (BAND[0], 2.0 * np.pi * 8.0))
     return config, identify_joint(responses, table, identify_specimen(responses, config.specimen.masses, BAND), BAND)
 
@@ -82,6 +87,44 @@ def test_response_of_the_servo_is_that_of_its_matrices():
         [1.0, table.servo_real_pole, table.servo_frequency, table.servo_damping_ratio, table.platen_mass, 0]
     )
     np.testing.assert_allclose(servo_response(frequencies, servo, apparent), expected, rtol=1e-9)
+
+
+FREQUENCIES = np.linspace(3.0, 150.0, 40)
+MASSES = np.array([760.0, 800.0, 500.0])
+STORIES = np.array([2.5e6, 4.9e6, 3.1e6, 3330.0, 780.0, 90.0])
+
+
+def by_small_changes(function, values):
+    """Return central differences of a complex function over every value, along the last axis."""
+    steps = 1e-6 * values
+    pairs = [(function(values + step), function(values - step)) for step in np.diag(steps)]
+    return np.stack([(above - below) / (2.0 * step) for (above, below), step in zip(pairs, steps, strict=True)], -1)
+
+
+def test_transmissibility_is_that_of_the_equation_of_motion_and_its_changes_are_small_differences():
+    s = 1j * FREQUENCIES
+    found, changes = transmissibility_changes(s, MASSES, STORIES)
+    a, b, c = ShearBuilding(tuple(MASSES), tuple(STORIES[:3]), tuple(STORIES[3:])).relative_motion()
+    expected = [(c @ np.linalg.solve(w * np.eye(6) - a, b))[:, 0] for w in s]
+    np.testing.assert_allclose(found[:, 1:], expected, rtol=1e-9)
+    np.testing.assert_array_equal(found, floor_transmissibility(s, MASSES, STORIES))
+    small = by_small_changes(lambda values: floor_transmissibility(s, MASSES, values), STORIES)
+    np.testing.assert_allclose(changes * STORIES, small * STORIES, rtol=1e-5, atol=1e-7 * np.abs(found).max())
+
+
+SECTIONS = FittedSections((0.0, 0.0, 60.0, 0.0, 1.0, 60.0, 1.0, 1.2, 3051.0, 1.0, 1.1, 2995.0), 0.004)
+
+
+@pytest.mark.parametrize(
+    ("table", "values"),
+    [(FittedServo(), np.array([0.97, 50.0, 120.0, 0.2, 1900.0, 0.003])), (SECTIONS, SECTIONS.values)],
+    ids=["servo", "sections"],
+)
+def test_changes_of_a_table_are_small_differences(table, values):
+    apparent = floor_transmissibility(1j * FREQUENCIES, MASSES, STORIES)[:, 1:] @ MASSES
+    small = by_small_changes(lambda changed: table.response(FREQUENCIES, changed, apparent), values)
+    changes = table.changes(FREQUENCIES, values, apparent)
+    np.testing.assert_allclose(changes * values, small * values, rtol=1e-5, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["simplified_bmd", "eight_story_bmd"])

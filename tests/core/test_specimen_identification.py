@@ -8,9 +8,8 @@ import pytest
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
-from bmd_rths_core.identification.excited_table import drive
 from bmd_rths_core.identification.specimen_model import identify_specimen
-from bmd_rths_core.loop.build import make_supervisor, make_table_controller
+from tests.core.simulated_responses import simulated_responses
 
 DT = 0.005
 BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0)
@@ -20,8 +19,7 @@ EIGHT_STORY = load_config(Path(__file__).parents[2] / "config" / "eight_story_bm
 
 def identified(config, seed=0, masses=None, **settings):
     command = excitation_command(ExcitationSettings(seed=seed, **settings), DT)
-    controller = make_table_controller(config.changed(run__seed=seed))
-    responses = drive(controller, make_supervisor(config), command, DT)
+    responses = simulated_responses(config.changed(run__seed=seed), command)
     return identify_specimen(responses, config.specimen.masses if masses is None else masses, BAND)
 
 

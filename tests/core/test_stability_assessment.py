@@ -215,7 +215,8 @@ def test_measured_table_replaces_table_and_delay(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("# measured\nphase_deg,magnitude,frequency_hz\n" + "\n".join(rows) + "\n")
     config = Config().changed(run__scheme="uc", simulated_table__command_delay=0.05)
-    measured = assess(config, AnalysisOptions(measured_table=read_frequency_response(path)))
+    options = AnalysisOptions(measured_table=read_frequency_response(path), not_fitted="too few frequencies")
+    measured = assess(config, options)
     known = dataclasses.replace(paper_loop(config, DEFAULTS), table=Delay(0.02), feedback_delay=0.0).margin()
     assert measured.continuous.margin.allowable_mass_ratio == pytest.approx(known.allowable_mass_ratio, rel=1e-9)
     late = dataclasses.replace(loop_of(config), table=Delay(0.02), feedback_delay=0.005).margin()
@@ -223,7 +224,7 @@ def test_measured_table_replaces_table_and_delay(tmp_path):
         late.allowable_mass_ratio, rel=1e-9
     )
     assert measured.discrete is None
-    assert "measured" in measured.discrete_reason
+    assert measured.discrete_reason.endswith("of the table has no fit: too few frequencies")
 
 
 @pytest.mark.parametrize(("highest", "go"), [(18.0, False), (25.0, True)])

@@ -10,13 +10,12 @@ import pytest
 from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.excitation import ExcitationSettings, excitation_command
-from bmd_rths_core.identification.excited_table import drive
 from bmd_rths_core.identification.output import frequency_response_text, model_text
 from bmd_rths_core.identification.spectral_lines import averaged_response, incoherent_bands
 from bmd_rths_core.identification.table_model import identify_table
-from bmd_rths_core.loop.build import make_supervisor, make_table_controller
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
 from tests.conftest import SERVO_TABLE
+from tests.core.simulated_responses import simulated_responses
 
 DT = 0.005
 HZ = 2.0 * np.pi
@@ -30,8 +29,7 @@ TO_15_HZ = HZ * np.linspace(0.5, 15.0, 2000)
 
 @cache
 def driven(config, settings):
-    command = excitation_command(settings, DT)
-    return drive(make_table_controller(config), make_supervisor(config), command, DT)
+    return simulated_responses(config, excitation_command(settings, DT))
 
 
 def identified(config, seed=0, order=None, **settings):

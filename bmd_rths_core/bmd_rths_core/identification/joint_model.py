@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -21,24 +21,24 @@ from scipy.signal.windows import tukey
 
 from bmd_rths_core.identification.excited_table import Responses
 from bmd_rths_core.identification.frequency_response import ComplexArray, FloatArray, hold
+from bmd_rths_core.identification.joint_tables import SERVO, FittedSections, FittedServo, FittedTable
 from bmd_rths_core.identification.specimen_model import SpecimenModel, floor_transmissibility
 from bmd_rths_core.identification.spectral_lines import TAPER, averaged_response, tapered_transform
 from bmd_rths_core.identification.table_model import TableModel
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.integration.linear_simulation import LinearSimulation
+from bmd_rths_core.integration.linear_simulation import outputs_from_rest
 from bmd_rths_core.structure.shear_building import ShearBuilding
-from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
 from bmd_rths_core.table.models.held_plant import held_plant
-from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
+from bmd_rths_core.table.models.plant import Plant
 
-#: Parameters of the servo in front of those of the stories.
-SERVO = ("gain", "servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass", "command_delay")
 #: Where the search begins [rad/s, 1, kg over that of the specimen].
 _FIRST_POLES, _FIRST_DAMPING, _FIRST_MASSES = ((40.0, 120.0), (60.0, 200.0)), 0.1, (1.0, 4.0)
 _FIRST_DELAY = 1e-3
 _EVALUATIONS = 60
 #: A servo that leaves so many times what the sections leave, with stories that are kept, is no servo.
 _COMPETES = 2.0
+#: The same by simulation, where nothing leaks and both leave less: a servo far behind does not catch up.
+_COMPETES_SIMULATED = 10.0
 #: Displacement and force are compared above this frequency, where drift is small [rad/s].
 _ABOVE_DRIFT = 2.0 * np.pi * 5.0
 
@@ -136,43 +136,19 @@ def identify_joint(
     lines = _Lines(responses, band)
     masses = np.asarray(specimen.building.masses)
     stories = np.concatenate((specimen.building.stiffnesses, np.maximum(specimen.building.damping_coefficients, 1.0)))
-    servo, sections = _Servo(), _Sections(table.sections, table.rational.delay)
+    servo, sections = FittedServo(), FittedSections(table.sections, table.rational.delay)
     alone = min((_table_fit(lines, servo, first, masses, stories) for first in _starts(masses)), key=_Fit.cost)
     chain = _table_fit(lines, sections, sections.values, masses, stories)
-    fits: list[tuple[_Fit, _Sections | None]] = []
-    if alone.cost() < _COMPETES * chain.cost():
+    fits: list[tuple[_Fit, FittedSections | None]] = []
+
+    def left(table: FittedTable, fit: _Fit) -> float:
+        simulated = _simulation(lines, table, len(fit.values), masses)(np.concatenate((fit.values, stories)))
+        return float(np.sum(np.abs(simulated) ** 2))
+
+    if alone.cost() < _COMPETES * chain.cost() and left(servo, alone) < _COMPETES_SIMULATED * left(sections, chain):
         fits.append((_joint_fit(lines, servo, alone.values, masses, stories), None))
     fits.append((_joint_fit(lines, sections, chain.values, masses, stories), sections))
     return _model(lines, masses, *min(fits, key=lambda pair: pair[0].criterion()))
-
-
-def servo_response(frequencies: FloatArray, servo: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
-    """Return the response of a servo table that a specimen pulls at, from command to acceleration.
-
-    Parameters
-    ----------
-    frequencies : ndarray, shape (n,)
-        ω [rad/s].
-    servo : ndarray, shape (6,)
-        Values of `SERVO`.
-    apparent_mass : ndarray of complex, shape (n,)
-        −f / a_t of the specimen [kg].
-
-    Returns
-    -------
-    ndarray of complex, shape (n,)
-
-    Notes
-    -----
-    `table.models.plant.interacting_plant` in the frequency domain: with c = p + 2 ζ ω, ω_h² = ω² + 2 ζ ω p,
-    K_p ω_h² = p ω² and μ = 1 + apparent mass / M, a_t / u = K_p ω_h² / (μ s² (s + c) + ω_h² (s + K_p)).
-    """
-    gain, pole, frequency, damping, mass, delay = servo
-    s = 1j * frequencies
-    oil = frequency**2 + 2.0 * damping * frequency * pole
-    closed = (1.0 + apparent_mass / mass) * s**2 * (s + pole + 2.0 * damping * frequency) + oil * s
-    numerator = pole * frequency**2
-    return np.asarray(gain * numerator * np.exp(-s * delay) / (closed + numerator))
 
 
 class _Lines:
@@ -187,9 +163,12 @@ class _Lines:
         self.accelerations = spectra[:, 1:]
         # White noise of unit variance has this power in a line.
         length = len(responses.command)
-        window = tukey(length, min(1.0, 2.0 * TAPER / (length * responses.time_step)))
-        self.power = float(np.sum(window**2))
-        self._responses, self._averaged = responses, averaged
+        self._window = tukey(length, min(1.0, 2.0 * TAPER / (length * responses.time_step)))
+        self.power = float(np.sum(self._window**2))
+        self.unit = float(np.sqrt(self.power))
+        self._commands, self._time_step = responses.command, responses.time_step
+        lines = 2.0 * np.pi * np.fft.rfftfreq(length, responses.time_step)
+        self._inside = (lines >= averaged.frequencies[0]) & (lines <= averaged.frequencies[-1])
         drives = {"displacement_noise": responses.displacement, "shear_noise": responses.shear}
         self.drives = {
             name: tapered_transform(signal[:, None], responses.time_step, averaged)[1][:, 0]
@@ -211,77 +190,17 @@ class _Lines:
         -------
         ndarray of complex, shape (lines, n + 1)
         """
-        return np.asarray((self.accelerations - (table * self.command)[:, None] * directions) / np.sqrt(self.power))
+        return np.asarray((self.accelerations - (table * self.command)[:, None] * directions) / self.unit)
 
     def simulated_difference(self, plant: Plant, delay: float) -> ComplexArray:
         """Return the same for a plant that is simulated with the recorded command: nothing leaks at the ends."""
-        measured, time_step = self._responses, self._responses.time_step
-        held = held_plant(plant, delay, time_step)
+        held = held_plant(plant, delay, self._time_step)
         moving = np.delete(np.arange(len(held.transition)), [held.displacement, held.displacement + 1])
         a, b = held.transition[np.ix_(moving, moving)], held.command[moving]
         rows = held.output[:-1][:, moving]
-        simulation = LinearSimulation(DiscreteStateSpace(a, b, rows @ a, rows @ b), np.zeros((len(a), 1)))
-        simulated = simulation.advance(measured.command[:, None])[0].T
-        left = np.column_stack((measured.table, measured.floors)) - simulated
-        return np.asarray(tapered_transform(left, time_step, self._averaged)[1] / np.sqrt(self.power))
-
-
-class _Table(Protocol):
-    """A structure of the table, with values to be found."""
-
-    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
-        """Return the response from command to acceleration under a specimen of this apparent mass."""
-
-    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
-        """Return table and specimen as one system, and the pure delay [s]."""
-
-
-class _Servo:
-    """A third-order servo that the specimen pulls at; its values are those of `SERVO`."""
-
-    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
-        """Return the response of the servo."""
-        return servo_response(frequencies, values, apparent_mass)
-
-    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
-        """Return servo and specimen."""
-        gain, pole, frequency, damping, mass, delay = values.tolist()
-        plant = interacting_plant(pole, frequency, damping, mass, specimen)
-        return plant._replace(b=gain * plant.b), delay
-
-
-class _Sections:
-    """A table of sections in series, with every coefficient that is neither 0 nor a leading 1 as a value."""
-
-    def __init__(self, sections: tuple[float, ...], delay: float) -> None:
-        self._rows, self._delay = np.array(sections).reshape(-1, SECTION_LENGTH), delay
-        denominators = self._rows[:, SECTION_LENGTH // 2 :]
-        leading = np.zeros_like(self._rows, dtype=bool)
-        leading[np.arange(len(self._rows)), SECTION_LENGTH // 2 + np.argmax(denominators != 0.0, axis=1)] = True
-        self._free = (self._rows != 0.0) & ~leading
-        self.values: FloatArray = self._rows[self._free]
-
-    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
-        """Return the response, which does not depend on the specimen."""
-        s = 1j * frequencies
-        powers = np.vstack((s**2, s, np.ones_like(s)))
-        above, below = np.split(self.rows(values), 2, axis=1)
-        return np.asarray(np.prod((above @ powers) / (below @ powers), axis=0) * np.exp(-s * self._delay))
-
-    def rows(self, values: FloatArray) -> FloatArray:
-        """Return the sections with other values, shape (sections, 6)."""
-        rows: FloatArray = self._rows.copy()
-        rows[self._free] = values
-        return rows
-
-    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
-        """Return sections and specimen."""
-        return driven_plant(series(tuple(self.rows(values).ravel().tolist())), specimen), self._delay
-
-    @property
-    def delay(self) -> float:
-        """Pure delay [s]."""
-        return self._delay
+        simulated = outputs_from_rest(DiscreteStateSpace(a, b, rows @ a, rows @ b), self._commands)
+        spectra = np.fft.rfft(self._window * simulated)[:, self._inside].T
+        return np.asarray((self.accelerations - spectra) / self.unit)
 
 
 @dataclass(frozen=True)
@@ -311,45 +230,82 @@ def _starts(masses: FloatArray) -> list[FloatArray]:
     ]
 
 
-def _table_fit(lines: _Lines, table: _Table, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
+def _table_fit(lines: _Lines, table: FittedTable, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
     """Return the table that fits best with stories that are kept."""
     directions = floor_transmissibility(lines.s, masses, stories)
     apparent = directions[:, 1:] @ masses
-    return _least_squares(
-        first, lambda values: lines.difference(table.response(lines.frequencies, values, apparent), directions)
-    )
+    # No table changes what is not along the directions, which is left out of the search.
+    size = np.linalg.norm(directions, axis=1)
+    along = np.sum(directions.conj() * lines.accelerations, axis=1) / size
+    command = lines.command * size
+
+    def residual(values: FloatArray) -> ComplexArray:
+        return np.asarray((along - table.response(lines.frequencies, values, apparent) * command) / lines.unit)
+
+    def jacobian(values: FloatArray) -> ComplexArray:
+        return np.asarray(-table.changes(lines.frequencies, values, apparent) * (command / lines.unit)[:, None])
+
+    values, deviations = _least_squares(first, residual, jacobian)
+    response = table.response(lines.frequencies, values, apparent)
+    return _Fit(values, deviations, lines.difference(response, directions))
 
 
-def _joint_fit(lines: _Lines, table: _Table, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
+def _joint_fit(lines: _Lines, table: FittedTable, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
     """Return table and stories that fit best together, by simulation of the whole record."""
+    difference = _simulation(lines, table, len(first), masses)
+    values, deviations = _least_squares(np.concatenate((first, stories)), difference)
+    return _Fit(values, deviations, difference(values))
+
+
+def _simulation(
+    lines: _Lines, table: FittedTable, count: int, masses: FloatArray
+) -> Callable[[FloatArray], ComplexArray]:
+    """Return the function of `count` values of the table and those of the stories that tells what is left over."""
 
     def difference(values: FloatArray) -> ComplexArray:
-        own, of_stories = np.split(values, [len(first)])
+        own, of_stories = np.split(values, [count])
         stiffness, damping = np.split(of_stories, 2)
         specimen = ShearBuilding(tuple(masses.tolist()), tuple(stiffness.tolist()), tuple(damping.tolist()))
         return lines.simulated_difference(*table.plant(own, specimen))
 
-    return _least_squares(np.concatenate((first, stories)), difference)
+    return difference
 
 
-def _least_squares(first: FloatArray, difference: Callable[[FloatArray], ComplexArray]) -> _Fit:
-    """Return the values that leave least, searched relative to the first ones; none changes its sign."""
+def _least_squares(
+    first: FloatArray,
+    difference: Callable[[FloatArray], ComplexArray],
+    jacobian: Callable[[FloatArray], ComplexArray] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the values that leave least, and their deviations, searched relative to the first ones; no sign changes.
+
+    Without a Jacobian it is found by small changes.
+    """
 
     def residual(factors: FloatArray) -> FloatArray:
         left = difference(factors * first).ravel()
         return np.concatenate((left.real, left.imag))
 
-    begin = np.ones(len(first))
-    solution = least_squares(residual, begin, bounds=(0.0, np.inf), x_scale="jac", max_nfev=_EVALUATIONS)
+    def derivatives(factors: FloatArray) -> FloatArray:
+        assert jacobian is not None
+        change = jacobian(factors * first).reshape(-1, len(first)) * first
+        return np.vstack((change.real, change.imag))
+
+    solution = least_squares(
+        residual,
+        np.ones(len(first)),
+        "2-point" if jacobian is None else derivatives,
+        bounds=(0.0, np.inf),
+        x_scale="jac",
+        max_nfev=_EVALUATIONS,
+    )
     variance = 2.0 * solution.cost / (len(solution.fun) - len(first))
     size = np.maximum(np.linalg.norm(solution.jac, axis=0), 1e-30)
     scaled = solution.jac / size
     spread = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled)).clip(0.0)) / size
-    values = solution.x * first
-    return _Fit(values, np.abs(first) * spread, difference(values))
+    return solution.x * first, np.abs(first) * spread
 
 
-def _model(lines: _Lines, masses: FloatArray, fit: _Fit, sections: _Sections | None) -> JointModel:
+def _model(lines: _Lines, masses: FloatArray, fit: _Fit, sections: FittedSections | None) -> JointModel:
     """Return the model of a fit; without sections its table is a servo."""
     own = 2 * len(masses)
     stiffness, damping = np.split(fit.values[-own:], 2)
@@ -374,13 +330,13 @@ def _model(lines: _Lines, masses: FloatArray, fit: _Fit, sections: _Sections | N
 def _noise(lines: _Lines, fit: _Fit, masses: FloatArray) -> dict[str, float]:
     """Return the noise of the sensors: what no model of table and specimen explains of their signals."""
     noise = {"acceleration_noise": float(np.sqrt(np.mean(np.abs(fit.difference) ** 2)))}
-    modelled = lines.accelerations / np.sqrt(lines.power) - fit.difference
+    modelled = lines.accelerations / lines.unit - fit.difference
     explained = {
         "displacement_noise": -modelled[:, 0] / lines.frequencies**2,
         "shear_noise": -modelled[:, 1:] @ masses,
     }
     high = lines.frequencies > _ABOVE_DRIFT
     for name, spectrum in lines.drives.items():
-        left = spectrum / np.sqrt(lines.power) - explained[name]
+        left = spectrum / lines.unit - explained[name]
         noise[name] = float(np.sqrt(np.mean(np.abs(left[high]) ** 2)))
     return noise

@@ -8,10 +8,9 @@ with the Jacobian of Kaufman 1975).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
@@ -48,6 +47,10 @@ class RationalFit:
         self._s: ComplexArray = np.asarray(1j * lines.frequencies / self._scale)
         self._values = 2 * np.count_nonzero(lines.weight)
         self._coarse = lines.averaged(1 + len(lines.frequencies) // _COARSE_LINES)
+        self._weighted: ComplexArray = np.asarray(lines.weight * lines.response)
+        self._powers: FloatArray = np.ones((len(lines.frequencies), 1))
+        self._last: tuple[tuple[bytes, int, int] | None, list[_Projection]] = None, []
+        self._models: dict[tuple[int, float, bool], RationalModel] = {}
 
     def model(self, order: int, delay: float = 0.0, *, free_delay: bool = False) -> RationalModel:
         """Return the best model of an order, with numerators of the same degree.
@@ -65,8 +68,11 @@ class RationalFit:
         -------
         RationalModel
         """
-        guess = _parameters(self._first_poles(order, delay))
-        return self._improved(np.append(guess, delay * self._scale), order, order, free_delay)
+        key = (order, delay, free_delay)
+        if key not in self._models:
+            guess = np.append(_parameters(self._first_poles(order, delay)), delay * self._scale)
+            self._models[key] = self._improved(guess, order, order, free_delay)
+        return self._models[key]
 
     def model_near(self, poles: ComplexArray) -> RationalModel:
         """Return the best model near given poles, without delay, with numerators of the same degree.
@@ -207,11 +213,12 @@ class RationalFit:
         return self._model(np.append(found.x, fixed), order, degree)
 
     def _residual(self, parameters: FloatArray, order: int, degree: int) -> FloatArray:
-        residuals = []
-        for j in range(self._lines.response.shape[1]):
-            q, _, y = self._orthogonal(parameters, order, degree, j)
-            residuals.append(y - q @ (q.T @ y))
-        return np.concatenate(residuals)
+        rows = []
+        for projection in self._projected(parameters, order, degree):
+            rows += [
+                y - q @ (q.T @ y) for q, y in zip(projection.bases, (projection.y.real, projection.y.imag), strict=True)
+            ]
+        return np.concatenate(rows)
 
     def _jacobian(self, parameters: FloatArray, order: int, degree: int) -> FloatArray:
         quadratics, linears, _ = _unpacked(parameters, order)
@@ -222,31 +229,54 @@ class RationalFit:
             *(a0 / factors[pairs + i] for i, a0 in enumerate(linears)),
             self._s,
         ]
+        over_parameters = np.column_stack(changes)
         blocks = []
-        for j in range(self._lines.response.shape[1]):
-            q, _, y = self._orthogonal(parameters, order, degree, j)
-            real, imaginary = np.split(q @ (q.T @ y), 2)
-            change = _stacked((real + 1j * imaginary)[:, None] * np.column_stack(changes))
-            blocks.append(change - q @ (q.T @ change))
+        for projection in self._projected(parameters, order, degree):
+            even, odd = projection.bases
+            fitted = even @ (even.T @ projection.y.real) + 1j * (odd @ (odd.T @ projection.y.imag))
+            change = fitted[:, None] * over_parameters
+            blocks += [part - q @ (q.T @ part) for q, part in ((even, change.real), (odd, change.imag))]
         return np.vstack(blocks)
 
-    def _orthogonal(
-        self, parameters: FloatArray, order: int, degree: int, output: int
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return Q and R of the weighted columns s^d e^{−sτ} / denominator of one response, and its weighted values."""
-        quadratics, linears, delay = _unpacked(parameters, order)
-        weight = self._lines.weight[:, output]
-        shared = weight * np.exp(-self._s * delay) / np.prod(denominator_factors(self._s, quadratics, linears), axis=0)
-        q, r = np.linalg.qr(_stacked(shared[:, None] * self._s[:, None] ** np.arange(degree + 1)))
-        return q, r, _stacked(weight * self._lines.response[:, output])
+    def _projected(self, parameters: FloatArray, order: int, degree: int) -> list[_Projection]:
+        """Return every response projected on what numerators of a degree can make of it; the last result is kept."""
+        key = (parameters.tobytes(), order, degree)
+        if self._last[0] != key:
+            quadratics, linears, delay = _unpacked(parameters, order)
+            denominator = np.prod(denominator_factors(self._s, quadratics, linears), axis=0)
+            size = np.abs(denominator)
+            turn = denominator / size
+            if delay != 0.0:
+                turn = turn * np.exp(self._s * delay)
+            if self._powers.shape[1] <= degree:
+                self._powers = np.vander(self._s.imag, degree + 1, increasing=True)
+            powers = self._powers[:, : degree + 1]
+            projections = []
+            for weight, weighted in zip(self._lines.weight.T, self._weighted.T, strict=True):
+                # Turned by the phase of the denominator, s^d / denominator is real for even d, imaginary for odd d.
+                columns = (weight / size)[:, None] * powers
+                (even, of_even), (odd, of_odd) = np.linalg.qr(columns[:, 0::2]), np.linalg.qr(columns[:, 1::2])
+                projections.append(_Projection((even, odd), (of_even, of_odd), turn * weighted))
+            self._last = key, projections
+        return self._last[1]
 
     def _model(self, parameters: FloatArray, order: int, degree: int) -> RationalModel:
-        numerators = []
-        for j in range(self._lines.response.shape[1]):
-            q, r, y = self._orthogonal(parameters, order, degree, j)
-            numerators.append(solve_triangular(r, q.T @ y))
         quadratics, linears, delay = _unpacked(parameters, order)
-        return RationalModel(self._scale, quadratics, linears, np.column_stack(numerators), delay / self._scale)
+        projections = self._projected(parameters, order, degree)
+        numerators = np.empty((degree + 1, len(projections)))
+        for j, projection in enumerate(projections):
+            for first, y in enumerate((projection.y.real, projection.y.imag)):
+                solved = solve_triangular(projection.triangles[first], projection.bases[first].T @ y)
+                numerators[first::2, j] = solved * (-1.0) ** np.arange(len(solved))
+        return RationalModel(self._scale, quadratics, linears, numerators, delay / self._scale)
+
+
+class _Projection(NamedTuple):
+    """One response, weighted and turned, with the orthonormal bases of its real and of its imaginary part."""
+
+    bases: tuple[FloatArray, FloatArray]
+    triangles: tuple[FloatArray, FloatArray]
+    y: ComplexArray
 
 
 def _parameters(poles: ComplexArray) -> FloatArray:
@@ -263,7 +293,3 @@ def _unpacked(parameters: FloatArray, order: int) -> tuple[FloatArray, FloatArra
     coefficients = np.exp(np.clip(parameters[:order], -_LARGEST_LOGARITHM, _LARGEST_LOGARITHM))
     pairs = 2 * (order // 2)
     return coefficients[:pairs].reshape(-1, 2), coefficients[pairs:], float(parameters[order])
-
-
-def _stacked(values: NDArray[Any]) -> FloatArray:
-    return np.concatenate((values.real, values.imag))

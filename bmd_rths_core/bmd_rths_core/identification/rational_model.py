@@ -69,10 +69,12 @@ class RationalModel:
         ndarray of complex, shape (n, m)
         """
         s = 1j * frequencies / self.scale
-        powers = s[:, None] ** np.arange(len(self.numerators))
+        above: ComplexArray = np.zeros((len(s), self.numerators.shape[1]), dtype=complex)
+        for coefficients in self.numerators[::-1]:  # a complex power costs as much as all the rest
+            above = above * s[:, None] + coefficients
         denominator = np.prod(denominator_factors(s, self.quadratics, self.linears), axis=0)
         delayed = np.exp(-s * self.scale * self.delay) / denominator
-        return np.asarray((powers @ self.numerators) * delayed[:, None])
+        return np.asarray(above * delayed[:, None])
 
 
 def denominator_factors(s: NDArray[Any], quadratics: FloatArray, linears: FloatArray) -> ComplexArray:

@@ -163,12 +163,19 @@ def _stories(responses: Responses, masses: FloatArray, measured: FrequencyRespon
     first = _first_solution(measured, masses)
 
     def residual(factors: FloatArray) -> FloatArray:
-        directions = floor_transmissibility(s, masses, factors * first)
-        along = np.sum(directions.conj() * spectra, axis=1, keepdims=True)
-        across = spectra - directions * along / np.sum(np.abs(directions) ** 2, axis=1, keepdims=True)
+        across = _across(floor_transmissibility(s, masses, factors * first), spectra)[0]
         return np.concatenate((across.real.ravel(), across.imag.ravel()))
 
-    solution = least_squares(residual, np.ones(len(first)), x_scale="jac", method="trf")
+    def jacobian(factors: FloatArray) -> FloatArray:
+        directions, change = transmissibility_changes(s, masses, factors * first)
+        across, along, unit = _across(directions, spectra)
+        along_change = np.einsum("lf,lfp->lp", unit.conj(), change)
+        back = np.einsum("lfp,lf->lp", change.conj(), across)
+        moved = along[..., None] * (change - directions[..., None] * along_change[:, None])
+        rows = -(moved + unit[..., None] * back[:, None]).reshape(-1, len(first)) * first
+        return np.vstack((rows.real, rows.imag))
+
+    solution = least_squares(residual, np.ones(len(first)), jacobian, x_scale="jac", method="trf")
     found = solution.x * first
     stories = len(masses)
     if (found[:stories] <= 0.0).any():
@@ -216,13 +223,62 @@ def floor_transmissibility(s: ComplexArray, masses: FloatArray, values: FloatArr
     ndarray of complex, shape (lines, n + 1)
         1 for the table, then the floors.
     """
+    return _from_the_table(_story_ratios(s, masses, values)[0])
+
+
+def transmissibility_changes(
+    s: ComplexArray, masses: FloatArray, values: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the same with its derivatives over every stiffness and damping coefficient.
+
+    Parameters
+    ----------
+    s, masses, values
+        As for `floor_transmissibility`.
+
+    Returns
+    -------
+    transmissibility : ndarray of complex, shape (lines, n + 1)
+    changes : ndarray of complex, shape (lines, n + 1, 2n)
+    """
     stories = len(masses)
-    impedance = values[:stories] + s[:, None] * values[stories:]
-    above = np.concatenate((impedance[:, 1:], np.zeros((len(s), 1))), axis=1)
-    dynamic = np.zeros((len(s), stories, stories), dtype=complex)
-    floors = np.arange(stories)
-    dynamic[:, floors, floors] = masses * s[:, None] ** 2 + impedance + above
-    dynamic[:, floors[:-1], floors[1:]] = dynamic[:, floors[1:], floors[:-1]] = -impedance[:, 1:]
-    force = np.zeros((len(s), stories, 1), dtype=complex)
-    force[:, 0, 0] = impedance[:, 0]
-    return np.asarray(np.concatenate((np.ones((len(s), 1)), np.linalg.solve(dynamic, force)[..., 0]), axis=1))
+    ratios, dynamic = _story_ratios(s, masses, values)
+    floors = _from_the_table(ratios)
+    logarithmic = np.zeros((len(s), stories + 1, stories), dtype=complex)
+    for j in range(stories):
+        # A story changes its own ratio, and by the mass that it carries those below.
+        logarithmic[:, j + 1, j] = (1.0 - ratios[:, j]) / (ratios[:, j] * dynamic[:, j])
+        carried = (1.0 - ratios[:, j]) ** 2 / s**2
+        for i in range(j - 1, -1, -1):
+            logarithmic[:, i + 1, j] = -(s**2) * carried / dynamic[:, i]
+            carried = carried * ratios[:, i] ** 2
+    by_impedance = floors[..., None] * np.cumsum(logarithmic, axis=1)
+    return floors, np.concatenate((by_impedance, s[:, None, None] * by_impedance), axis=2)
+
+
+def _story_ratios(s: ComplexArray, masses: FloatArray, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return the acceleration above over that below every story, and the dynamic stiffness it has above it."""
+    stories = len(masses)
+    ratios, dynamic = np.empty((2, len(s), stories), dtype=complex)
+    carried: ComplexArray = np.zeros(len(s), dtype=complex)
+    for i in range(stories - 1, -1, -1):
+        impedance = values[i] + s * values[stories + i]
+        carried = carried + masses[i]
+        dynamic[:, i] = impedance + s**2 * carried
+        ratios[:, i] = impedance / dynamic[:, i]
+        carried = carried * ratios[:, i]
+    return ratios, dynamic
+
+
+def _from_the_table(ratios: ComplexArray) -> ComplexArray:
+    floors: ComplexArray = np.ones((len(ratios), 1 + ratios.shape[1]), dtype=complex)
+    for i in range(ratios.shape[1]):
+        floors[:, i + 1] = floors[:, i] * ratios[:, i]
+    return floors
+
+
+def _across(directions: ComplexArray, spectra: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return what of the spectra has not the directions, how much has, and the directions over their square."""
+    unit = directions / np.sum(np.abs(directions) ** 2, axis=1, keepdims=True)
+    along = np.sum(unit.conj() * spectra, axis=1, keepdims=True)
+    return spectra - directions * along, along, unit

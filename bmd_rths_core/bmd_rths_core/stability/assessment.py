@@ -16,13 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.loop.closed_loop import closed_loop
-from bmd_rths_core.stability.analysed_loops import (
-    AnalysisOptions,
-    complete_loop,
-    has_continuous_loops,
-    paper_loop,
-)
+from bmd_rths_core.loop.linear_loop import ClosedLoop
+from bmd_rths_core.stability.analysed_loops import AnalysedLoops, AnalysisOptions, analysed_loops
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, StabilityMargin
 from bmd_rths_core.stability.controlled import controlled_margin
 from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_feedback_scale
@@ -179,7 +174,7 @@ class Assessment:
         )
 
 
-def assess(config: Config, options: AnalysisOptions) -> Assessment:
+def assess(config: Config, options: AnalysisOptions, loops: AnalysedLoops | None = None) -> Assessment:
     """Make the three analyses of a configuration.
 
     Parameters
@@ -188,6 +183,8 @@ def assess(config: Config, options: AnalysisOptions) -> Assessment:
         The whole configuration.
     options : AnalysisOptions
         What is not in it.
+    loops : AnalysedLoops, optional
+        `analysed_loops` of both, where they have been made already.
 
     Returns
     -------
@@ -201,13 +198,13 @@ def assess(config: Config, options: AnalysisOptions) -> Assessment:
     ratio, whole = configured_mass_ratio(config), configured_mass_ratio(with_feedback_scale(config, 1.0))
     # A numerical substructure that is next to nothing is examined too.
     largest = max(LARGEST_MASS_RATIO, 0.5 * (1.0 + whole))
-    discrete, reason = _discrete(config, options, ratio, largest)
-    paper = has_continuous_loops(config)
+    loops = analysed_loops(config, options) if loops is None else loops
+    discrete, reason = _discrete(config, options, loops.discrete, ratio, largest)
     return Assessment(
         ratio,
         whole,
-        _continuous(paper_loop(config, options), ratio, largest) if paper else None,
-        _continuous(complete_loop(config, options), ratio, largest) if paper else None,
+        None if loops.paper is None else _continuous(loops.paper, ratio, largest),
+        None if loops.complete is None else _continuous(loops.complete, ratio, largest),
         discrete,
         reason,
         _unknown_modes(config, options),
@@ -221,15 +218,15 @@ def _continuous(loop: LoopTransferFunction, ratio: float, largest: float) -> Ana
 
 
 def _discrete(
-    config: Config, options: AnalysisOptions, ratio: float, largest: float
+    config: Config, options: AnalysisOptions, loop: ClosedLoop | None, ratio: float, largest: float
 ) -> tuple[DiscreteAnalysis | None, str]:
-    if options.not_fitted:
+    if loop is None:
         return None, f"the measured frequency response of the table has no fit: {options.not_fitted}"
-    radius = closed_loop(config).spectral_radius
+    radius = loop.spectral_radius
     if config.compensator.control is not None:
         margin = controlled_margin(config, ratio, largest)
     else:
-        margin = discrete_margin(config, largest)
+        margin = discrete_margin(config, largest, loop)
     return DiscreteAnalysis(margin, radius < 1.0, radius), ""
 
 

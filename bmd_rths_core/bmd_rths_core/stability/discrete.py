@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.loop.build import make_force_correction
 from bmd_rths_core.loop.closed_loop import closed_loop
+from bmd_rths_core.loop.linear_loop import ClosedLoop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
 from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass
@@ -105,7 +107,9 @@ def configured_mass_ratio(config: Config) -> float:
     return mass_ratio(_fed_back_mass(config), first_effective_mass(config.numerical_substructure.building()))
 
 
-def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO) -> StabilityMargin:
+def discrete_margin(
+    config: Config, largest: float = LARGEST_MASS_RATIO, loop: ClosedLoop | None = None
+) -> StabilityMargin:
     """Return the allowable mass ratio of the loop as it runs.
 
     Parameters
@@ -114,6 +118,8 @@ def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO) -> Stab
         The whole configuration; its own mass ratio does not matter.
     largest : float
         Largest mass ratio to examine, between 0 and 1.
+    loop : ClosedLoop, optional
+        `closed_loop` of this configuration, where it has been assembled already.
 
     Returns
     -------
@@ -127,7 +133,7 @@ def discrete_margin(config: Config, largest: float = LARGEST_MASS_RATIO) -> Stab
     critical s is a crossing of the positive real axis by this transfer function, all of which `crossings` finds. Which
     of the intervals between them are stable is told by the eigenvalues in their middle.
     """
-    open_loop, feedback = _opened(config)
+    open_loop, feedback = _opened(config, closed_loop(config) if loop is None else loop)
     whole = configured_mass_ratio(with_feedback_scale(config, 1.0))
     highest = largest / (1.0 - largest) * (1.0 - whole) / whole
     shares, angles = _critical_shares(open_loop, feedback, highest)
@@ -158,13 +164,13 @@ def _stable_intervals(
     return tuple(intervals)
 
 
-def _opened(config: Config) -> tuple[FloatArray, FloatArray]:
+def _opened(config: Config, loop: ClosedLoop) -> tuple[FloatArray, FloatArray]:
     """Return A₀, the loop with no shear fed back, and cᵀ, what of its state the whole shear is."""
-    whole, half = (closed_loop(with_feedback_scale(config, scale)).system.a for scale in (1.0, 0.5))
-    feedback = 2.0 * (whole - half)[0]
-    open_loop = whole.copy()
-    open_loop[0] -= feedback
-    return open_loop, feedback
+    system, outputs = loop.system, loop.outputs
+    shear = make_force_correction(config).state_space().d[0, 1] * system.c[outputs.index("interface_force")]
+    open_loop = system.a.copy()
+    open_loop[0] -= shear
+    return open_loop, shear / config.force_correction.feedback_scale
 
 
 def _critical_shares(open_loop: FloatArray, feedback: FloatArray, highest: float) -> tuple[FloatArray, FloatArray]:

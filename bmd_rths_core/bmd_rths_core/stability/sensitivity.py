@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.config import SECTIONS, Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.parameters import specs
-from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, has_continuous_loops, paper_loop
+from bmd_rths_core.stability.analysed_loops import AnalysedLoops, AnalysisOptions, analysed_loops
 from bmd_rths_core.stability.assessment import Assessment, assess
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH
 
@@ -98,7 +97,8 @@ def sensitivity(
     InputError
         See `assessment.assess`.
     """
-    base, probe = assess(config, options), _probe(config, options)
+    loops = analysed_loops(config, options)
+    base, probe = assess(config, options, loops), _probe(loops)
     candidates = list(_candidates(config))
     found = []
     for done, (name, index) in enumerate(candidates, 1):
@@ -149,9 +149,10 @@ def _sensitivity(
             changed = [*value[:index], changed, *value[index + 1 :]]
         try:
             other = config.changed(**{f"{section}__{key}": changed})
-            if np.array_equal(_probe(other, options), probe):
+            loops = analysed_loops(other, options)
+            if np.array_equal(_probe(loops), probe):
                 return None
-            result = assess(other, options)
+            result = assess(other, options, loops)
         except InputError as error:
             changes.append(ChangedParameter(factor * configured, None, str(error), False))
         else:
@@ -171,11 +172,10 @@ def _effect(base: Assessment, changes: list[ChangedParameter]) -> float:
     return max((relative(margins[n], other.gain_margins[n]) for other in assessments for n in margins), default=0.0)
 
 
-def _probe(config: Config, options: AnalysisOptions) -> NDArray[np.complex128]:
+def _probe(loops: AnalysedLoops) -> NDArray[np.complex128]:
     """Return numbers that are the same, to the last bit, for configurations with the same loop."""
-    paper = has_continuous_loops(config)
-    loops = (paper_loop(config, options), complete_loop(config, options)) if paper else ()
-    numbers = [loop.response(_PROBE, 0.5) for loop in loops]
-    if options.measured_table is None:
-        numbers.append(closed_loop(config).system.a.ravel().astype(complex))
+    continuous = (loop for loop in (loops.paper, loops.complete) if loop is not None)
+    numbers = [loop.response(_PROBE, 0.5) for loop in continuous]
+    if loops.discrete is not None:
+        numbers.append(loops.discrete.system.a.ravel().astype(complex))
     return np.concatenate(numbers) if numbers else np.zeros(0, dtype=complex)

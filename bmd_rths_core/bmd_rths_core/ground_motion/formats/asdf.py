@@ -40,6 +40,8 @@ def _recognises(file: RecordFile) -> bool:
 
 
 def _channels(file: RecordFile) -> list[Channel]:
+    if _SIGNATURE not in file.content:  # it may stand behind a block of somebody else
+        raise InputError(f"{file.path}: damaged, or no ASDF: nothing in it begins as an HDF5 file does")
     if importlib.util.find_spec("h5py") is None:
         raise InputError(f"{file.path}: HDF5; h5py is required to read ASDF: pip install bmd_rths_core[asdf]")
     channels = []

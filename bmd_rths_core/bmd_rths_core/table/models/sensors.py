@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.table.controller import TableMeasurement
 
 FloatArray = NDArray[np.float64]
+
+#: Steps whose noise is drawn at once: the same numbers as one step at a time, in a tenth of the time.
+_DRAWN = 128
 
 
 class Sensors:
@@ -51,6 +56,7 @@ class Sensors:
     def reset(self) -> None:
         """Start the noise again from the seed."""
         self._random, self._drive_random = noise_streams(self._seed)
+        self._drawn: Iterator[tuple[FloatArray, float, list[float]]] = iter(())
 
     def read(
         self,
@@ -78,9 +84,12 @@ class Sensors:
         base_shear : float
             Interface shear [N].
         """
-        noise = self._noise * self._random.standard_normal(len(self._noise))
-        of_displacement, of_force = (self._drive_noise * self._drive_random.standard_normal(2)).tolist()
-        sensed = accelerations + noise[:-1]
+        drawn = next(self._drawn, None)
+        if drawn is None:
+            self._drawn = self._draw()
+            drawn = next(self._drawn)
+        noise, of_shear, (of_displacement, of_force) = drawn
+        sensed = accelerations + noise
         if self._resolution > 0.0:
             sensed = np.round(sensed / self._resolution) * self._resolution
         return TableMeasurement(
@@ -89,9 +98,15 @@ class Sensors:
             table_displacement=displacement + of_displacement,
             table_acceleration=float(sensed[0]),
             actuator_force=actuator_force + of_force,
-            base_shear=base_shear + float(noise[-1]),
+            base_shear=base_shear + of_shear,
             floor_accelerations=sensed[1:],
         )
+
+    def _draw(self) -> Iterator[tuple[FloatArray, float, list[float]]]:
+        """Return the noise of the next steps: of the accelerometers, the load cells, and displacement and force."""
+        noise = self._noise * self._random.standard_normal((_DRAWN, len(self._noise)))
+        drives = self._drive_noise * self._drive_random.standard_normal((_DRAWN, 2))
+        return zip(noise[:, :-1], noise[:, -1].tolist(), drives.tolist(), strict=True)
 
 
 def noise_streams(seed: int) -> tuple[np.random.Generator, np.random.Generator]:
