@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.stages.shear_estimator import ShearEstimator, ShearEstimatorConfig, steady_state_filter
+from bmd_rths_core.stages.shear_estimator import ShearEstimator, ShearEstimatorConfig, kalman_filter
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.simulated import SimulatedTable
 from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
@@ -31,28 +30,6 @@ def measurements(specimen, table_config, commands, seed=0):
 def smooth_commands(n):
     time = np.arange(n) * DT
     return np.sin(2 * np.pi * 2.3 * time) + 0.5 * np.sin(2 * np.pi * 5.5 * time)
-
-
-def kalman_filter(config, specimen, time_step):
-    """Return filterpy's filter with the matrices of ours, and its input matrix."""
-    steady = steady_state_filter(config, specimen, time_step)
-    kalman = KalmanFilter(dim_x=2 * specimen.stories, dim_z=specimen.stories, dim_u=2)
-    kalman.x = np.zeros(2 * specimen.stories)
-    kalman.F, kalman.H, kalman.K, kalman.P = steady.transition, steady.measurement, steady.gain, steady.covariance
-    kalman.Q, kalman.R = steady.process_noise, steady.measurement_noise
-    return kalman, steady.input_matrix
-
-
-@pytest.mark.parametrize("specimen", [SPECIMEN, EIGHT_STORY], ids=["simplified", "eight-story"])
-def test_estimates_are_those_of_filterpy_with_its_steady_state_to_the_last_bit(specimen):
-    config = ShearEstimatorConfig()
-    estimator, (kalman, input_matrix) = ShearEstimator(config, specimen, DT), kalman_filter(config, specimen, DT)
-    shear, before = -np.asarray(specimen.masses) @ kalman.H, 0.0
-    for reading in measurements(specimen, SimulatedTableConfig(), smooth_commands(200)):
-        kalman.predict_steadystate(np.array([before, reading.table_acceleration]), input_matrix)
-        kalman.update_steadystate(reading.floor_accelerations)
-        before = reading.table_acceleration
-        assert estimator.step(reading) == float(shear.dot(kalman.x))
 
 
 @pytest.mark.parametrize("specimen", [SPECIMEN, EIGHT_STORY], ids=["simplified", "eight-story"])

@@ -1,5 +1,6 @@
 """Real middleware for every test: a domain of its own, child processes that never outlive it."""
 
+import faulthandler
 import fcntl
 import itertools
 import json
@@ -61,6 +62,8 @@ def _free_domain():
 def run_main(monkeypatch, capsys, tmp_path):
     """Run the command line in this process, in an empty folder; return status, standard output and error."""
     monkeypatch.chdir(tmp_path)
+    # The executor of rclpy enables it on standard error, which is captured; pytest has done so already.
+    monkeypatch.setattr(faulthandler, "enable", lambda: None)
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["bmd-rths", *(str(a) for a in arguments)])
@@ -214,12 +217,12 @@ def processes_of_domain(number):
     return found
 
 
-def recorded(folder, size):
+def recorded(folder, size, name="*"):
     """Return the MCAP file below a folder that has so many bytes since the first corrected shear, if there is one.
 
     What the nodes tell before step 0 is recorded too, as long as they wait for each other.
     """
-    for file in folder.glob("*/*.mcap"):
+    for file in folder.glob(f"{name}/*.mcap"):
         data = file.read_bytes()
         begin = data.find(b"/rths/corrected_force")  # the channel is made with its first message
         if begin >= 0 and len(data) - begin > size:

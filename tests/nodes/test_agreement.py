@@ -222,6 +222,7 @@ def closed_bags(folder):
     return sorted(file.parent for file in folder.glob("*/metadata.yaml") if "outcome" in file.read_text())
 
 
+@pytest.mark.slow
 def test_test_waits_for_the_same_parameters_and_a_new_bag_does_not_take_the_end_of_the_test_before(
     client, start, tmp_path
 ):
@@ -281,6 +282,7 @@ ENDLESS = {
 SETTINGS = [word for name, value in ENDLESS.items() for word in ("--set", f"{name}={value}")]
 
 
+@pytest.mark.slow
 def test_foreign_statuses_neither_end_a_test_nor_reach_its_result(bmd_rths, client, tmp_path):
     diagnostics = Diagnostics(client)
     run = bmd_rths("run", CONFIG, "--composed", *SETTINGS, "--output", tmp_path / "bags", "--json")
@@ -302,6 +304,7 @@ def test_foreign_statuses_neither_end_a_test_nor_reach_its_result(bmd_rths, clie
     assert told["reason"] == "table_driver: stopped by the operator"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transition", [Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVE_SHUTDOWN])
 def test_recorder_that_is_deactivated_ends_the_test_at_once(bmd_rths, client, tmp_path, transition):
     diagnostics = Diagnostics(client)
@@ -310,7 +313,7 @@ def test_recorder_that_is_deactivated_ends_the_test_at_once(bmd_rths, client, tm
     begin = time.monotonic()
     assert change_state(client, transition, "recorder")
     result = run.wait(60.0)
-    assert time.monotonic() - begin < 10.0
+    assert time.monotonic() - begin < 20.0  # of a busy machine; what is said below comes of no time-out
     assert result.status == 1
     told = json.loads(result.output)
     assert (told["bag"], told["outcome"]) == (str(bag), "failed")

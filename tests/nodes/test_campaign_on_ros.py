@@ -159,6 +159,9 @@ def test_taken_domain_ends_the_study_in_one_clear_line(run_main, records, monkey
         def nodes_already_there(self):
             return ["command_shaper"]
 
+        def believe_only(self, believes):
+            return None
+
     monkeypatch.setattr("bmd_rths_nodes.campaign.on_ros.RunMonitor", Monitor)
     status, output, errors = run_main(*campaign("out", "--motions", records, "--ros", "--json"))
     assert (status, output) == (1, "")

@@ -23,24 +23,41 @@ SLOW = {
 RICH = {"rich", "yaml"}
 
 
-def imported_by(*arguments):
-    """Return the top-level modules a command has imported when it ends."""
-    code = (
-        "import sys; from bmd_rths_nodes.cli.main import main; main(); "
-        "print(*{name.partition('.')[0] for name in sys.modules}, file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
-    assert "Usage: bmd-rths" in done.stdout
-    return set(done.stderr.split())
+#: Show the help of some commands, each in a process of its own that had imported nothing but the entry point; tell
+#: the top-level modules it has in the end.
+HELPS = """
+import os, sys
+from bmd_rths_nodes.cli.main import main
+
+for line in sys.argv[1].split(","):
+    sys.stdout.flush()
+    if os.fork() == 0:
+        sys.argv = ["bmd-rths", *line.split(), "--help"]
+        print("----")
+        status = main()
+        sys.stdout.flush()
+        print(line or "bmd-rths", *{name.partition(".")[0] for name in sys.modules}, file=sys.stderr, flush=True)
+        os._exit(status)
+    assert os.wait()[1] == 0, line
+"""
 
 
-@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)], ids=lambda command: " ".join(command))
-def test_help_imports_nothing_slow(command):
-    assert imported_by(*command, "--help") & SLOW == set()
+@pytest.fixture(scope="module")
+def imported():
+    """Return the top-level modules that the help of every command has imported when it ends."""
+    done = subprocess.run([sys.executable, "-c", HELPS, ",".join(["", *COMMANDS])], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Usage: bmd-rths") == done.stdout.count("----") == len(COMMANDS) + 1
+    return {command: set(modules) for command, *modules in map(str.split, done.stderr.splitlines())}
 
 
-def test_help_of_simulate_is_the_fastest():
-    assert imported_by("simulate", "--help") & (SLOW | RICH) == set()
+def test_help_imports_nothing_slow(imported):
+    assert set(imported) == {"bmd-rths", *COMMANDS}
+    assert {command: modules & SLOW for command, modules in imported.items() if modules & SLOW} == {}
+
+
+def test_help_of_simulate_is_the_fastest(imported):
+    assert imported["simulate"] & (SLOW | RICH) == set()
 
 
 def option(command, name):

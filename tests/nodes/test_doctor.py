@@ -177,13 +177,13 @@ def test_a_look_without_measuring(run_main):
 
 
 @pytest.mark.slow
-def test_a_whole_examination_runs_a_real_test(bmd_rths):
-    done = bmd_rths("doctor", CONFIG, "--duration", "2", "--json").wait()
-    told = json.loads(done.output)
+def test_a_whole_examination_runs_a_real_test(run_main):
+    status, output, errors = run_main("doctor", CONFIG, "--duration", "2", "--json")
+    told = json.loads(output)
     (loop,) = (check for check in told["checks"] if check["name"] == "loop")
-    assert "deadlines missed at 200 Hz" in loop["found"], done.errors
+    assert "deadlines missed at 200 Hz" in loop["found"], errors
     assert "200 Hz with composed nodes" in told["verdict"]
-    assert done.status == int(told["level"] == PROBLEM)
+    assert status == int(told["level"] == PROBLEM)
     assert [check["found"] for check in told["checks"] if check["name"] == "other nodes"] == ["none on this domain"]
 
 

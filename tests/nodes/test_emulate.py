@@ -62,12 +62,13 @@ def told_by_the_table_driver(bag):
 
 
 @pytest.mark.slow
-def test_lockstep_run_over_udp_equals_the_loop_in_process_bit_for_bit(emulate, bmd_rths, tmp_path):
+def test_lockstep_run_over_udp_equals_the_loop_in_process_bit_for_bit(emulate, run_main, tmp_path):
     emulated = emulate("--plant", "servo")
     settings = ("--lockstep", "--composed", "--set", "ground_motion.duration=6.0")
-    result = bmd_rths("run", CONFIG, "--table", emulated.table, *settings, "--output", tmp_path, "--json").wait()
-    assert result.status == 0, result.errors
-    bag = json.loads(result.output)["bag"]
+    how = (*settings, "--output", tmp_path, "--json")
+    status, output, errors = run_main("run", CONFIG, "--table", emulated.table, *how)
+    assert status == 0, errors
+    bag = json.loads(output)["bag"]
     record = read_bag(bag)
     assert record.configuration["table"]["address"] == emulated.table
     assert record.steps == 1201
@@ -91,19 +92,19 @@ def test_lockstep_run_over_udp_equals_the_loop_in_process_bit_for_bit(emulate, b
 
 
 @pytest.mark.slow
-def test_real_time_run_over_a_lossy_network_goes_on_and_counts_in_the_bag(emulate, bmd_rths, tmp_path):
+def test_real_time_run_over_a_lossy_network_goes_on_and_counts_in_the_bag(emulate, run_main, tmp_path):
     """Long steps, a patient watchdog and a building too heavy to feel the shear: a busy machine does not end it."""
     emulated = emulate("--fault", "loss=3", "--fault", "bit_flips=3", "--set", "virtual_controller.watchdog=5.0")
     settings = (
-        *("run.time_step=0.02", "table.answer_timeout=0.012", "run.longest_miss_time=8"),
+        *("run.time_step=0.02", "table.answer_timeout=0.012", "run.longest_miss_time=8", "run.settling_time=0.0"),
         *("safety.stale_controller_time=2.0", "safety.stale_shear_time=2.0", "run.preflight=skip"),
         *("numerical_substructure.masses=[8.0e+6]", "ground_motion.duration=4.0"),
     )
     arguments = [argument for setting in settings for argument in ("--set", setting)]
     arguments += ["--scheme", "uc", "--output", tmp_path, "--json"]
-    result = bmd_rths("run", CONFIG, "--table", emulated.table, *arguments).wait()
-    assert result.status == 0, result.output + result.errors
-    told = json.loads(result.output)
+    status, output, errors = run_main("run", CONFIG, "--table", emulated.table, "--composed", *arguments)
+    assert status == 0, output + errors
+    told = json.loads(output)
     statuses = told_by_the_table_driver(tmp_path / told["bag"].rpartition("/")[2])
     last = next(status for status in statuses if status["state"] == "ended")  # before the way to rest
     assert int(last["udp_lost"]) > 0
@@ -131,14 +132,14 @@ def test_controller_that_freezes_during_a_run_ends_it_with_its_name(emulate, bmd
 
 
 @pytest.mark.slow
-def test_run_without_a_controller_says_so_and_whose_prediction_it_was(bmd_rths, tmp_path, domain):
+def test_run_without_a_controller_says_so_and_whose_prediction_it_was(run_main, tmp_path, domain):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as nobody:
         nobody.bind(("127.0.0.1", 0))
         table = f"udp://127.0.0.1:{nobody.getsockname()[1]}"
-        result = bmd_rths("run", CONFIG, "--table", table, "--composed", "--output", tmp_path).wait()
-    assert result.status == 1
-    assert "predicted for the model in simulated_table, not udp: displacement" in result.errors
-    assert f"table controller: no answer from {table} within 1.5 s: it is not there, or another" in result.errors
+        status, _, errors = run_main("run", CONFIG, "--table", table, "--composed", "--output", tmp_path)
+    assert status == 1
+    assert "predicted for the model in simulated_table, not udp: displacement" in errors
+    assert f"table controller: no answer from {table} within 1.5 s: it is not there, or another" in errors
     assert processes_of_domain(domain) == {}
 
 

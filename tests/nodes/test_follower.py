@@ -149,6 +149,40 @@ def test_without_its_recorder_the_test_is_ended_and_the_table_has_time_to_come_t
     assert when == pytest.approx(2.0 + TO_REST + FAREWELL_TIME, abs=0.2)
 
 
+STANDS = tells("table_driver", NodeState.WAITING, table="at rest")
+MOVES = tells("table_driver", NodeState.RUNNING, table="moving")
+ENDED = tells("numerical_substructure", NodeState.ENDED)
+
+
+@pytest.mark.parametrize(
+    "end", [loses("recorder"), tells("recorder", NodeState.TRIPPED, "cannot be written")], ids=["killed", "disk full"]
+)
+def test_where_nothing_is_recorded_any_more_a_table_at_rest_is_the_end(follow, end):
+    outcome, _, when = follow(Run(at_0=MOVES, at_1=RUNS, at_2=end, at_3=ENDED, at_4=STANDS))
+    assert outcome.startswith("recorder")
+    assert when == pytest.approx(4.0, abs=0.1)
+    _, _, when = follow(Run(at_0=STANDS, at_1=RUNS, at_2=end))  # before it moved; the test has not ended
+    assert when > 2.0 + TO_REST
+
+
+def test_bag_of_a_table_at_rest_is_not_waited_for_as_if_it_moved(follow):
+    _, _, when = follow(Run(at_1=RUNS, at_2=ENDED, at_3=STANDS))
+    assert when == pytest.approx(3.0 + CLOSING_TIMEOUT, abs=0.1)
+
+
+LEAVES = tells("recorder", NodeState.INACTIVE, bag="the_bag")
+
+
+def test_deactivated_recorder_lets_the_numerical_substructure_say_why_the_test_ends(follow):
+    problem = "recorder: it was deactivated before the test had ended"
+    outcome, told, when = follow(Run(at_1=RUNS, at_2=LEAVES, at_3=ENDED))
+    assert (outcome, told) == (Path("the_bag"), problem)
+    assert when == pytest.approx(3.0, abs=0.1)
+    outcome, told, when = follow(Run(at_1=RUNS, at_2=LEAVES))
+    assert (outcome, told) == (Path("the_bag"), problem)
+    assert when == pytest.approx(2.0 + FAREWELL_TIME, abs=0.2)
+
+
 def test_ctrl_c_before_anything_was_heard_waits_for_a_test_that_may_be_under_way(follow):
     def asks(run):
         run.operator.asked = True

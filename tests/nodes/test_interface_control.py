@@ -13,7 +13,7 @@ from bmd_rths_msgs_py.record_bag import write_record
 from tests.nodes.conftest import CONFIG, EIGHT_STORY
 
 SHORT = 4.0
-SETTINGS = {"ground_motion.duration": SHORT, "shear_estimator.source": "load_cell"}
+SETTINGS = {"ground_motion.duration": SHORT, "shear_estimator.source": "load_cell", "run.preflight": "skip"}
 SET = [argument for key, value in SETTINGS.items() for argument in ("--set", f"{key}={value}")]
 
 
@@ -23,10 +23,10 @@ def in_process(path):
     return RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
 
 
-def recorded(child):
-    result = child.wait()
-    assert result.status == 0, result.errors
-    return json.loads(result.output)["bag"]
+def recorded(ended):
+    status, output, errors = ended
+    assert status == 0, errors
+    return json.loads(output)["bag"]
 
 
 def demands(bag):
@@ -37,12 +37,13 @@ def demands(bag):
         return [(m.accel.linear.x, m.accel.linear.y) for m in messages]
 
 
-@pytest.mark.parametrize("processes", ["five", "composed"])
-@pytest.mark.parametrize("path", [CONFIG, EIGHT_STORY], ids=["simplified", "eight-story"])
-def test_lockstep_equals_the_loop_in_process_bit_for_bit(bmd_rths, tmp_path, path, processes):
-    options = ["--composed"] if processes == "composed" else []
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("path", "options"), [(CONFIG, ["--composed"]), (EIGHT_STORY, [])], ids=["simplified-composed", "eight-story-five"]
+)
+def test_lockstep_equals_the_loop_in_process_bit_for_bit(run_main, tmp_path, path, options):
     bag = recorded(
-        bmd_rths("run", path, "--scheme", "mpic", "--lockstep", *options, *SET, "--output", tmp_path, "--json")
+        run_main("run", path, "--scheme", "mpic", "--lockstep", *options, *SET, "--output", tmp_path, "--json")
     )
     record, expected = read_bag(bag), in_process(path)
     assert record.outcome == "finished"
@@ -50,27 +51,30 @@ def test_lockstep_equals_the_loop_in_process_bit_for_bit(bmd_rths, tmp_path, pat
     assert record.same_signals(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["ats", "ff_lqg"])
-def test_shaper_learns_from_the_measurements_as_in_process(bmd_rths, tmp_path, scheme):
+def test_shaper_learns_from_the_measurements_as_in_process(run_main, tmp_path, scheme):
     options = ("--lockstep", "--composed", "--set", "ground_motion.duration=2.0", "--output", tmp_path, "--json")
-    record = read_bag(recorded(bmd_rths("run", CONFIG, "--scheme", scheme, *options)))
+    skip = ("--set", "run.preflight=skip")
+    record = read_bag(recorded(run_main("run", CONFIG, "--scheme", scheme, *skip, *options)))
     config = load_config(CONFIG).changed(run__scheme=scheme, ground_motion__duration=2.0)
     expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
     assert record.same_signals(expected)
 
 
-def test_real_time_equals_the_loop_in_process_up_to_the_first_missed_deadline_and_is_replayed(bmd_rths, tmp_path):
+@pytest.mark.slow
+def test_real_time_equals_the_loop_in_process_up_to_the_first_missed_deadline_and_is_replayed(run_main, tmp_path):
     patient = ("--set", "run.longest_miss_time=1.0", "--set", "safety.stale_shear_time=1.0")
     bag = recorded(
-        bmd_rths("run", CONFIG, "--scheme", "mpic", "--composed", *SET, *patient, "--output", tmp_path, "--json")
+        run_main("run", CONFIG, "--scheme", "mpic", "--composed", *SET, *patient, "--output", tmp_path, "--json")
     )
     record, expected = read_bag(bag), in_process(CONFIG)
     first_miss = min(record.timing.missed_steps, default=record.steps)
     assert first_miss > 0
     for name, signal in record.signals().items():
         assert (signal[:first_miss] == expected.signals()[name][:first_miss]).all(), name
-    replayed = bmd_rths("replay", bag, "--json").wait()
-    assert json.loads(replayed.output)["reproduced"] is True
+    _, replayed, _ = run_main("replay", bag, "--json")
+    assert json.loads(replayed)["reproduced"] is True
 
 
 def test_command_travels_with_the_desired_acceleration_also_in_a_bag_of_the_loop_in_process(tmp_path):

@@ -25,12 +25,12 @@ def settings(**changes):
 
 @pytest.mark.slow
 def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_notice(bmd_rths, tmp_path, client):
-    """A live page is there before the run begins, which is no second run on this domain."""
+    """A live page is there before the run begins, which is no second run on this domain; a second run is refused."""
     live = bmd_rths("monitor")
     wait_until(lambda: any(name.startswith("rths_monitor") for name in client.get_node_names()))
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip", **PATIENT)
     run = bmd_rths("run", CONFIG, *endless, "--output", tmp_path, "--json")
-    wait_until(lambda: recorded(tmp_path, 500_000))
+    wait_until(lambda: recorded(tmp_path, 200_000))
 
     picture = bmd_rths("monitor", "--json").wait()
     assert picture.status == 0, picture.errors
@@ -54,12 +54,21 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
         assert motion["limit"] == limit
     (bag,) = tmp_path.glob("el_centro*")
     assert told["recording"]["bag"] == str(bag)
-    assert 500_000 < told["recording"]["bytes"] <= next(bag.glob("*.mcap")).stat().st_size
+    assert 200_000 < told["recording"]["bytes"] <= next(bag.glob("*.mcap")).stat().st_size
 
     page = bmd_rths("monitor", "--once").wait()
     assert page.status == 0
     for text in (*ROLES, "running", "missed deadlines", "stability indicator", "% of the limit 230", "bag: "):
         assert text in page.output
+
+    second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
+    assert second.status == 2
+    assert "another run is active on this ROS domain (bmd-rths on this computer)" in second.errors
+    assert "set ROS_DOMAIN_ID to a free domain" in second.errors
+    assert not (tmp_path / "second").exists()
+    (file,) = bag.glob("*.mcap")
+    size = file.stat().st_size
+    wait_until(lambda: file.stat().st_size > size + 100_000)
 
     live.interrupt()
     ended = live.wait(30.0)
@@ -67,7 +76,8 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
     assert "numerical_substructure" in ended.output
     run.interrupt()
     result = run.wait(60.0)
-    assert json.loads(result.output)["outcome"] == "stopped", result.errors
+    told = json.loads(result.output)
+    assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator"), result.errors
 
 
 def test_domain_without_a_run_is_one_clear_line(bmd_rths, domain):

@@ -1,8 +1,10 @@
 """One node seen from ROS: parameters, lifecycle, status, messages of other nodes."""
 
+import json
 import math
 import signal
 import time
+from itertools import product
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,8 +19,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from bmd_rths_core.compensators.phase_lead import CommandShaper
 from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
@@ -43,7 +43,7 @@ def set_parameter(client, name, value):
     return client.call(SetParameters, "/rths/command_shaper/set_parameters", request).results[0]
 
 
-def test_parameters_have_type_range_description_and_unit(client, shaper):
+def test_parameters_are_described_and_change_before_configuration_only(client, shaper):
     names = ["command_shaper.lead_time", "run.scheme", "run.seed", "autostart"]
     request = DescribeParameters.Request(names=names)
     lead, scheme, seed, autostart = client.call(
@@ -59,15 +59,11 @@ def test_parameters_have_type_range_description_and_unit(client, shaper):
     assert seed.integer_range[0].from_value == 0
     assert autostart.type == ParameterType.PARAMETER_BOOL
 
-
-def test_node_declares_its_own_sections_only(client, shaper):
     listed = client.call(ListParameters, "/rths/command_shaper/list_parameters", ListParameters.Request()).result.names
     sections = {name.partition(".")[0] for name in listed if "." in name}
     assert {"run", "command_shaper"} <= sections
-    assert "specimen" not in sections
+    assert "specimen" not in sections  # those of its role only
 
-
-def test_parameters_change_before_configuration_only_and_are_checked(client, shaper):
     assert set_parameter(client, "command_shaper.lead_time", 0.02).successful
     refused = set_parameter(client, "command_shaper.w1", 0.5)
     assert not refused.successful
@@ -165,59 +161,45 @@ def test_ordinary_ros_node_can_take_part(client, start):
         assert commands[step].header.stamp.nanosec == 5_000_000 * step
 
 
-@pytest.mark.parametrize(
-    ("module", "parameters", "message"),
-    [
-        (
-            "command_shaper",
-            ["command_shaper.alpha:=5.0", "run.time_step:=0.002"],
-            "command_shaper.alpha is now command_shaper.lead_time, in seconds; 5 steps of 0.002 s are 0.01 s",
-        ),
-        ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter"),
-        ("command_shaper", ["command_shaper.w1:=0.5"], "W1 = 0.5"),
-        ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; >= 0.1 kg and"),
-        ("table_driver", ["nonsense:=1"], "nonsense: unknown section"),
-        ("numerical_substructure", ["ground_motion.record:=no.at2"], "no.at2: cannot be read: No such file"),
-        ("recorder", ["recorder.directory:=/proc/no"], "/proc/no"),
-    ],
-)
-def test_wrong_parameters_end_the_node_with_status_2_and_one_line(start, module, parameters, message):
-    arguments = [argument for parameter in parameters for argument in ("-p", parameter)]
-    result = start("-m", f"bmd_rths_nodes.nodes.{module}", "--ros-args", *arguments).wait()
-    assert result.status == 2
-    lines = [line for line in result.errors.splitlines() if line.startswith("error: ")]
-    assert len(lines) == 1
-    assert message in lines[0]
+#: Runs nodes one after the other, and tells the exit status of each; a line of errors ends with one of its own.
+ONE_AFTER_THE_OTHER = """
+import json, sys
+from importlib import import_module
+
+for module, parameters in json.loads(sys.argv[1]):
+    sys.argv = ["node", "--ros-args", *(word for parameter in parameters for word in ("-p", parameter))]
+    print(import_module(f"bmd_rths_nodes.nodes.{module}").main(), flush=True)
+    print("----", file=sys.stderr, flush=True)
+"""
+
+WRONG_PARAMETERS = [
+    (
+        "command_shaper",
+        ["command_shaper.alpha:=5.0", "run.time_step:=0.002"],
+        "command_shaper.alpha is now command_shaper.lead_time, in seconds; 5 steps of 0.002 s are 0.01 s",
+    ),
+    ("command_shaper", ["command_shaper.alfa:=5.0"], "command_shaper.alfa: unknown parameter"),
+    ("command_shaper", ["command_shaper.w1:=0.5"], "W1 = 0.5"),
+    ("command_shaper", ["specimen.masses:=[-1.0]"], "specimen.masses: [-1] is not allowed; >= 0.1 kg and"),
+    ("table_driver", ["nonsense:=1"], "nonsense: unknown section"),
+    ("numerical_substructure", ["ground_motion.record:=no.at2"], "no.at2: cannot be read: No such file"),
+    ("recorder", ["recorder.directory:=/proc/no"], "/proc/no"),
+]
+
+
+def test_wrong_parameters_end_a_node_with_status_2_and_one_line(start):
+    nodes = [(module, parameters) for module, parameters, _ in WRONG_PARAMETERS]
+    result = start("-c", ONE_AFTER_THE_OTHER, json.dumps(nodes)).wait()
+    assert result.status == 0, result.errors
+    assert result.output.split() == ["2"] * len(WRONG_PARAMETERS)
+    told = result.errors.split("----\n")[:-1]
+    for (_, _, message), errors in zip(WRONG_PARAMETERS, told, strict=True):
+        (line,) = (line for line in errors.splitlines() if line.startswith("error: "))
+        assert message in line
     assert "Traceback" not in result.errors
 
 
 @pytest.mark.slow
-def test_second_test_with_the_same_processes_equals_the_first(client, start, tmp_path):
-    """As in the laboratory: six processes started by hand, then recorder and numerical substructure activated again."""
-    parameters = tmp_path / "parameters.yaml"
-    config = Config().changed(
-        run__lockstep=True, ground_motion__duration=1.0, recorder__directory=str(tmp_path / "bags")
-    )
-    parameters.write_text(dump_config(config))
-    for role in ROLES:
-        start("-m", f"bmd_rths_nodes.nodes.{role}", "--ros-args", "--params-file", parameters)
-
-    def closed_bags():
-        return [file.parent for file in (tmp_path / "bags").glob("*/metadata.yaml") if "outcome" in file.read_text()]
-
-    wait_until(lambda: len(closed_bags()) == 1)
-    for role in ("recorder", "numerical_substructure"):
-        assert change_state(client, Transition.TRANSITION_DEACTIVATE, role)
-    for role in ("recorder", "numerical_substructure"):
-        assert change_state(client, Transition.TRANSITION_ACTIVATE, role)
-    wait_until(lambda: len(closed_bags()) == 2)
-    expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
-    for bag in closed_bags():
-        record = read_bag(bag)
-        assert record.outcome == "finished"
-        assert record.same_signals(expected)
-
-
 def test_recorder_in_lockstep_waits_for_the_last_messages(client, start, tmp_path):
     """Of a test that has ended one topic lacks its last step; the bag is closed when it has come."""
     bags, told = tmp_path / "bags", []
@@ -260,6 +242,7 @@ def test_recorder_in_lockstep_waits_for_the_last_messages(client, start, tmp_pat
     assert read_bag(bag).outcome == "finished"
 
 
+@pytest.mark.slow
 def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_again(client, start):
     told, measured = {}, []
 
@@ -309,12 +292,14 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("role", ROLES)
-def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, start, tmp_path, role):
+@pytest.mark.parametrize(
+    ("module", "roles"), [("composed_loop", ROLES[:-1]), ("recorder", ROLES[-1:])], ids=["loop", "recorder"]
+)
+def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, start, tmp_path, module, roles):
     """Every state between unconfigured and active is told, often, without harm while other nodes tell theirs."""
     talkative = (
         "import sys; from bmd_rths_nodes.ros import stage_node; stage_node.STATUS_PERIOD = 0.05; "
-        f"from bmd_rths_nodes.nodes.{role} import main; sys.exit(main())"
+        f"from bmd_rths_nodes.nodes.{module} import main; sys.exit(main())"
     )
     child = start(
         *("-c", talkative, "--ros-args"),
@@ -329,12 +314,12 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
         Transition.TRANSITION_DEACTIVATE,
         Transition.TRANSITION_CLEANUP,
     )
-    for transition in steps:
+    for role, transition in product(roles, steps):
         assert change_state(client, transition, role)
         told.clear()
         # Its own status, between those of another node.
         wait_until(
-            lambda: (
+            lambda role=role: (
                 diagnostics.publish(status.to_message(status.NodeStatus("/rths/another", NodeState.READY), 0, 0))
                 or client.spin_some()
                 or any(s.name == f"/rths/{role}" for message in told for s in message.status)
@@ -370,6 +355,7 @@ sys.exit(spin.run_nodes(LOOP_NODES, ["--ros-args", "-p", "run.record:=false"]))
     assert [role for _, role in told] == [*loop, *loop]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_node_settles_before_a_real_table_in_real_time_so_that_nobody_is_discovered_in_a_test(
     client, start, tmp_path, lockstep

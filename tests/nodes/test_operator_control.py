@@ -8,7 +8,6 @@ import time
 from contextlib import suppress
 from itertools import count
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
@@ -19,14 +18,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from bmd_rths_core.config import Config, dump_config
-from bmd_rths_core.ground_motion.config import select_ground_motion
-from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.loop.table_driver import NOT_CONFIRMED
 from bmd_rths_core.table.emulated.faults import parse_fault
 from bmd_rths_core.table.wire import Interlock
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_msgs_py.topics import ROLES
 from bmd_rths_nodes.ros import status
 from tests.conftest import WITHOUT_LIMITS
 from tests.nodes.conftest import CONFIG, change_state, processes_of_domain, recorded, wait_until
@@ -247,42 +243,6 @@ def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop
         assert server.statistics()["interlock"] == Interlock.EMERGENCY_STOP
 
 
-@pytest.mark.slow
-def test_stopped_test_is_followed_by_another_one_with_the_same_processes(client, start, tmp_path):
-    parameters = tmp_path / "parameters.yaml"
-    config = Config().changed(run__lockstep=True, recorder__directory=str(tmp_path / "bags"))
-    parameters.write_text(dump_config(config))
-    for role in ROLES:
-        start("-m", f"bmd_rths_nodes.nodes.{role}", "--ros-args", "--params-file", parameters)
-
-    def records(outcome):
-        """Return what has ended in a way; a bag is read when it is closed, for this machine has the loop to run."""
-        closed = [file for file in (tmp_path / "bags").glob("*/metadata.yaml") if "outcome" in file.read_text()]
-        for file in closed:
-            if file not in read:
-                read[file] = read_bag(file.parent)
-        return [record for record in read.values() if record.outcome == outcome]
-
-    read = {}
-
-    wait_until(lambda: recorded(tmp_path / "bags", 200_000))
-    assert ask(client, "stop")[0]
-    (stopped,) = wait_until(lambda: records("stopped"))
-    assert stopped.reason == "table_driver: stopped by the operator"
-    wait_until(lambda: ask(client, "reset")[0])
-    for role in ("recorder", "numerical_substructure"):
-        assert change_state(client, Transition.TRANSITION_DEACTIVATE, role)
-    for role in ("recorder", "numerical_substructure"):
-        assert change_state(client, Transition.TRANSITION_ACTIVATE, role)
-    (finished,) = wait_until(lambda: records("finished"), 120.0)
-    expected = RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
-    assert finished.same_signals(expected)
-    whole = stopped.steps - 2  # the last step had not closed
-    assert whole > 100
-    for name, values in stopped.signals().items():
-        assert np.array_equal(values[:whole], expected.signals()[name][:whole]), name
-
-
 # ---- Ctrl-C
 
 #: Long steps, no limits and a way to rest of many seconds, so that a busy machine does not end the test, and a second
@@ -292,6 +252,7 @@ SLOW = {
     "table__answer_timeout": 0.012,
     "run__longest_miss_time": 40,
     "run__preflight": "skip",
+    "run__settling_time": 0.0,  # nobody else is on the domain
     "safety__stale_shear_time": 200,
     "safety__stale_controller_time": 200,
     "safety__ramp_acceleration": 0.02,
@@ -309,7 +270,7 @@ def arguments(**changes):
 
 def begun(folder):
     """Tell whether a bag has some hundred messages."""
-    return recorded(folder, 100_000) is not None
+    return recorded(folder, 50_000) is not None
 
 
 def told_by_the_table_driver(bag):
@@ -380,8 +341,14 @@ def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rth
     child.interrupt()
     result = child.wait()
     assert result.status == 1
-    assert json.loads(result.output)["outcome"] == "stopped"
+    assert "Traceback" not in result.errors
+    told = json.loads(result.output)
+    assert told["outcome"] == "stopped"
     (bag,) = (tmp_path / "bags").iterdir()
+    assert told["bag"] == str(bag)
+    record = read_bag(bag)
+    assert (record.outcome, record.reason) == ("stopped", "table_driver: stopped by the operator")
+    assert 0 < record.steps < 900  # of the whole record
     last = {pair.key: pair.value for pair in told_by_the_table_driver(bag)[-1].values}
     assert (last["table"], last["supervisor"]) == ("at rest", "stopped")
     assert abs(float(last["displacement"])) < 1e-3
@@ -390,8 +357,8 @@ def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rth
 
 @pytest.mark.slow
 def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(start, tmp_path):
-    """As a launch system ends them, all at once. The way to rest takes several seconds."""
-    changes = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.012}
+    """As a launch system ends them, all at once. The way to rest takes longer than the recorder would stay without."""
+    changes = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.024}
     config = Config().changed(**changes, recorder__directory=str(tmp_path / "bags"))
     (tmp_path / "parameters.yaml").write_text(dump_config(config))
     modules = ("composed_loop", "recorder")

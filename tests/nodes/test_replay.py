@@ -13,6 +13,7 @@ from geometry_msgs.msg import AccelStamped
 from bmd_rths_core.config import config_from_mapping, dump_config
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.record_bag import write_record
+from bmd_rths_nodes.ros.playback import Playback
 from tests.conftest import WITHOUT_LIMITS
 from tests.nodes.conftest import CONFIG, processes_of_domain, recorded, wait_until
 
@@ -100,6 +101,7 @@ def test_bag_that_was_cut_is_replayed_as_far_as_it_goes(run_main, simulated, sha
     assert errors.startswith("warning: ")
 
 
+@pytest.mark.slow
 def test_lockstep_bag_is_reproduced(run_main, composed_run):
     result = replayed(run_main, composed_run.told["bag"])
     assert result["reproduced"] is True
@@ -111,9 +113,9 @@ def test_real_time_bag_is_reproduced_with_the_measurements_that_the_estimator_mi
     run_main, bmd_rths, tmp_path, domain
 ):
     """The estimator is stopped for a moment: of what came meanwhile, its queue holds the last ten measurements."""
-    arguments = (*settings(ground_motion__duration=6.0, run__preflight="skip", **PATIENT), "--output", tmp_path)
+    arguments = (*settings(ground_motion__duration=4.0, run__preflight="skip", **PATIENT), "--output", tmp_path)
     child = bmd_rths("run", CONFIG, *arguments, "--json")
-    bag = wait_until(lambda: recorded(tmp_path, 300_000))
+    bag = wait_until(lambda: recorded(tmp_path, 150_000))
     (estimator,) = (pid for pid, command in processes_of_domain(domain).items() if "shear_estimator" in command)
     os.kill(estimator, signal.SIGSTOP)
     size = bag.stat().st_size
@@ -176,7 +178,8 @@ def nodes(simulated, start, tmp_path):
 def test_nodes_answer_a_playback_with_the_recorded_forces(bmd_rths, nodes, simulated, tmp_path):
     """Twice with the same processes. On a busy machine the shear of a step may come after the next required force."""
     for rate in ("1.0", "2.0"):
-        run = bmd_rths("replay", simulated, "--ros", "--rate", rate, "--output", tmp_path / rate, "--json").wait()
+        how = ("--ros", "--rate", rate, "--output", tmp_path / rate, "--json")
+        run = bmd_rths("replay", simulated, *how).wait()
         assert run.status == 0, run.errors
         result = json.loads(run.output)
         shear, corrected = (result["signals"][name] for name in FORCES)
@@ -188,26 +191,37 @@ def test_nodes_answer_a_playback_with_the_recorded_forces(bmd_rths, nodes, simul
 
 
 @pytest.mark.slow
-def test_no_step_is_published_before_its_time(bmd_rths, simulated):
-    """400 steps of 5 ms at half the rate."""
-    begin = time.perf_counter()
-    run = bmd_rths("replay", simulated, "--ros", "--wait-for", "", "--rate", "0.5", "--json").wait()
-    assert run.status == 0, run.errors
-    assert time.perf_counter() - begin > 4.0
-    assert json.loads(run.output)["signals"]["interface_force"]["missing"] == 401  # nobody answers
+def test_no_step_is_published_before_its_time(run_main, monkeypatch):
+    """100 steps of 5 ms at half the rate."""
+    short = (*settings(ground_motion__duration=0.5), "--output", "short", "--json")
+    bag = json.loads(run_main("simulate", CONFIG, *short)[1])["bag"]
+    published = []
+    play = Playback.play
+
+    def timed(playback, rate, interrupts, progress):
+        begin = time.perf_counter()
+        play(playback, rate, interrupts, lambda steps: published.append(time.perf_counter() - begin) or progress(steps))
+
+    monkeypatch.setattr(Playback, "play", timed)
+    status, output, errors = run_main("replay", bag, "--ros", "--wait-for", "", "--rate", "0.5", "--json")
+    assert status == 0, errors
+    assert len(published) == 101
+    assert all(when >= 0.01 * step for step, when in enumerate(published))
+    assert json.loads(output)["signals"]["interface_force"]["missing"] == 101  # nobody answers
 
 
 @pytest.mark.slow
-def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is(bmd_rths, nodes, simulated, client):
+def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is(
+    bmd_rths, run_main, nodes, simulated, client
+):
     first = bmd_rths("replay", simulated, "--ros", "--rate", "0.02")
     wait_until(lambda: client.count_publishers("/rths/measurement"))
     refused = (
         "error: another run is active on this ROS domain (bmd-rths on this computer); end it, or set ROS_DOMAIN_ID"
     )
-    second = bmd_rths("replay", simulated, "--ros").wait()
-    assert (second.status, refused in second.errors) == (2, True), second
-    run = bmd_rths("run", CONFIG, "--set", "run.preflight=skip").wait()
-    assert (run.status, refused in run.errors) == (2, True), run
+    for arguments in (("replay", simulated, "--ros"), ("run", CONFIG, "--set", "run.preflight=skip")):
+        status, _, errors = run_main(*arguments)
+        assert (status, refused in errors) == (2, True), errors
     first.interrupt()
     ended = first.wait(30.0)
     told = [
@@ -218,22 +232,20 @@ def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is
     assert (ended.status, ended.errors.splitlines()) == (1, told)
 
 
-def test_playback_is_refused_where_somebody_publishes_what_it_would(bmd_rths, simulated, client):
+@pytest.mark.slow
+def test_playback_is_refused_where_somebody_publishes_what_it_would(run_main, simulated, client):
     """The lock of a domain is of one computer; the graph tells of the others."""
     publisher = client.create_publisher(AccelStamped, "/rths/ground_acceleration", 10)
-    refused = bmd_rths("replay", simulated, "--ros").wait()
+    status, _, errors = run_main("replay", simulated, "--ros")
     client.destroy_publisher(publisher)
     told = "error: another run is active on this ROS domain (it publishes /rths/ground_acceleration); end it"
-    assert refused.status == 2
-    assert refused.errors.splitlines()[-1].startswith(told)
+    assert status == 2
+    assert errors.splitlines()[-1].startswith(told)
 
 
 @pytest.mark.slow
-def test_playback_without_nodes_ends_in_one_clear_line(start, simulated):
-    impatient = (
-        "import sys; from bmd_rths_nodes.cli.main import main; from bmd_rths_nodes.ros import playback; "
-        "playback.START_TIMEOUT = 0.5; sys.exit(main())"
-    )
-    run = start("-c", impatient, "replay", simulated, "--ros", "--wait-for", "force_correction").wait()
-    assert (run.status, run.output, run.errors.count("\n")) == (1, "", 2)
-    assert run.errors.splitlines()[1].startswith("error: not ready after 0.5 s: force_correction (silent)")
+def test_playback_without_nodes_ends_in_one_clear_line(run_main, simulated, monkeypatch):
+    monkeypatch.setattr("bmd_rths_nodes.ros.playback.START_TIMEOUT", 0.5)
+    status, output, errors = run_main("replay", simulated, "--ros", "--wait-for", "force_correction")
+    assert (status, output, errors.count("\n")) == (1, "", 2)
+    assert errors.splitlines()[1].startswith("error: not ready after 0.5 s: force_correction (silent)")

@@ -89,6 +89,7 @@ def driver(client, start):
         one.close()
 
 
+@pytest.mark.slow
 def test_newer_commands_reach_the_table_while_an_answer_is_missing(driver):
     """Each answer comes after the next command, which a driver that waits would never send in time."""
     waiting = []
@@ -103,6 +104,7 @@ def test_newer_commands_reach_the_table_while_an_answer_is_missing(driver):
     assert not table.tripped
 
 
+@pytest.mark.slow
 def test_controller_that_falls_silent_trips_the_driver(driver):
     table = driver(
         lambda packet: [answer_to(packet)] if packet.step < 2 else [], **{"safety.stale_controller_time": "0.3"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import VARIANCE
 from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
+
+if TYPE_CHECKING:
+    from filterpy.kalman import KalmanFilter
 
 FloatArray = NDArray[np.float64]
 
@@ -69,14 +72,14 @@ class ShearEstimator:
 
     def __init__(self, config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float) -> None:
         self._from_load_cell = config.source == "load_cell"
-        self._filter = steady_state_filter(config, specimen, time_step)
-        self._shear_row = -np.asarray(specimen.masses) @ self._filter.measurement
-        self.reset()
+        self._filter, self._input_matrix = kalman_filter(config, specimen, time_step)
+        self._shear_row = -np.asarray(specimen.masses) @ self._filter.H
+        self._input = np.zeros(2)
 
     def reset(self) -> None:
         """Return to rest."""
-        self._estimate = np.zeros(len(self._filter.transition))
-        self._input = np.zeros(2)
+        self._filter.x = np.zeros(self._filter.dim_x)
+        self._input[:] = 0.0
 
     def step(self, measurement: TableMeasurement) -> float:
         """Return the interface shear of a step.
@@ -95,11 +98,9 @@ class ShearEstimator:
             return measurement.base_shear
         self._input[0] = self._input[1]
         self._input[1] = measurement.table_acceleration
-        steady = self._filter
-        predicted = steady.transition.dot(self._estimate) + steady.input_matrix.dot(self._input)
-        innovation = measurement.floor_accelerations - steady.measurement.dot(predicted)
-        self._estimate = predicted + steady.gain.dot(innovation)
-        return float(self._shear_row.dot(self._estimate))
+        self._filter.predict_steadystate(self._input, self._input_matrix)
+        self._filter.update_steadystate(measurement.floor_accelerations)
+        return float(self._shear_row.dot(self._filter.x))
 
 
 def estimator_state_space(
@@ -206,3 +207,35 @@ def steady_state_filter(config: ShearEstimatorConfig, specimen: LinearBuilding, 
         ) from error
     gain = np.linalg.solve(floors @ prior @ floors.T + measurement_noise, floors @ prior).T
     return SteadyStateFilter(phi, inputs, floors, process_noise, measurement_noise, gain, prior - gain @ floors @ prior)
+
+
+def kalman_filter(
+    config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float
+) -> tuple[KalmanFilter, FloatArray]:
+    """Return filterpy's Kalman filter for a specimen, at rest, with steady-state covariance and gain.
+
+    Parameters
+    ----------
+    config : ShearEstimatorConfig
+        Noise levels.
+    specimen : LinearBuilding
+        Model of the experimental substructure, n floors.
+    time_step : float
+        Δt [s].
+
+    Returns
+    -------
+    filter : filterpy.kalman.KalmanFilter
+        State and measurement as `SteadyStateFilter` has them.
+    input_matrix : ndarray, shape (2n, 2)
+        For the table acceleration at the beginning and at the end of the step.
+    """
+    # filterpy brings scipy.stats, a second that the nodes without a filter, and studies, need not wait.
+    from filterpy.kalman import KalmanFilter
+
+    steady = steady_state_filter(config, specimen, time_step)
+    kalman = KalmanFilter(dim_x=2 * specimen.stories, dim_z=specimen.stories, dim_u=2)
+    kalman.x = np.zeros(2 * specimen.stories)
+    kalman.F, kalman.H, kalman.K, kalman.P = steady.transition, steady.measurement, steady.gain, steady.covariance
+    kalman.Q, kalman.R = steady.process_noise, steady.measurement_noise
+    return kalman, steady.input_matrix

@@ -67,9 +67,7 @@ def run(
     at once, a third one does not wait for the bag. The page of --monitor reads the bag and listens to no topic.
     """
     require_ros("run")
-    from bmd_rths_core.analysis.run_analysis import analysed
     from bmd_rths_core.ground_motion.as_run import ground_motion_as_run
-    from bmd_rths_msgs_py.bag_reader import read_bag
     from bmd_rths_nodes.hardware.controllers import make_table_controller
     from bmd_rths_nodes.run.execute import COMPOSED_PROCESSES, PROCESSES
     from bmd_rths_nodes.run.follower import RunFailed
@@ -99,6 +97,10 @@ def run(
             except RunFailed as error:
                 log(f"error: {error}")
                 return 1
+        # Not before: the test need not wait for what it is analysed with.
+        from bmd_rths_core.analysis.run_analysis import analysed
+        from bmd_rths_msgs_py.bag_reader import read_bag
+
         record = read_bag(bag)
         _explain_misses(record)
         predicted = None if prediction is None else preflight.as_mapping(prediction)

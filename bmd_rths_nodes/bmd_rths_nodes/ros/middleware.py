@@ -13,8 +13,8 @@ import socket
 import sys
 import tempfile
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 from bmd_rths_core.errors import InputError
 

@@ -48,6 +48,9 @@ DONE_PERIOD = 0.5
 #: Environment variable with the process id of the parent this process must not outlive.
 SUPERVISOR_VARIABLE = "BMD_RTHS_SUPERVISOR"
 
+#: Environment variable: do not enter the ROS domain before this word comes on the standard input.
+DOOR_VARIABLE = "BMD_RTHS_DOOR"
+
 
 def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | None = None) -> int:
     """Run nodes in this process until SIGINT, SIGTERM, or SIGHUP where it is not ignored.
@@ -62,8 +65,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     Returns
     -------
     int
-        Exit status: 0 after ``--help`` or a signal, 2 when parameters or inputs are wrong; with ``exit_when_done`` 0
-        when the test has finished, and 1 when it has ended in another way.
+        Exit status: 0 after ``--help``, a signal, or when the supervisor does not let it in, 2 when parameters or
+        inputs are wrong; with ``exit_when_done`` 0 when the test has finished, and 1 when it has ended in another way.
     """
     given = sys.argv if arguments is None else arguments
     try:
@@ -73,6 +76,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
     except InputError as error:
         return _refuse(str(error))
     ending = Ending()
+    if not _let_in():
+        return 0
     try:
         prepare_middleware()
         rclpy.init(
@@ -118,6 +123,12 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
             for node in reversed(nodes):  # every one of them before any waits
                 last.callback(node.make_safe, ending)
             last.callback(intra_process.publish)  # what led to an end is recorded before the way to rest
+
+
+def _let_in() -> bool:
+    """Wait until the supervisor, if there is one, has looked for another run on the domain; what it takes is loaded."""
+    word = os.environ.get(DOOR_VARIABLE)
+    return word is None or sys.stdin.readline().strip() == word
 
 
 def _spin(

@@ -11,7 +11,7 @@ from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.safety.way_to_rest import longest_way_to_rest
 from bmd_rths_nodes.roles import COMPOSED_LOOP, LOOP, ROLES, module_of
 from bmd_rths_nodes.run.domain_lock import another_run, domain_lock
-from bmd_rths_nodes.run.follower import RunFollower
+from bmd_rths_nodes.run.follower import NOT_BEGUN, RunFailed, RunFollower
 from bmd_rths_nodes.run.monitor import RunMonitor
 from bmd_rths_nodes.run.operator_stop import OperatorStop
 from bmd_rths_nodes.run.processes import NodeProcesses
@@ -73,21 +73,24 @@ def run_on_ros(
     Raises
     ------
     InputError
-        Another run is active in this namespace of the ROS domain; nothing was started.
+        Another run is active in this namespace of the ROS domain; nothing has entered it.
     RunFailed
         There is no bag that was closed.
     """
     with domain_lock(monitor.namespace), tempfile.TemporaryDirectory(prefix="bmd_rths_") as scratch:
-        if others := monitor.nodes_already_there():
-            raise another_run(", ".join(others))
         parameter_file = Path(scratch) / "parameters.yaml"
         parameter_file.write_text(dump_config(config), encoding="utf-8")
         processes = NodeProcesses(modules, parameter_file, Path(scratch), monitor.namespace)
-        monitor.believe_only(processes.owns)
         operator = OperatorStop(monitor, processes, interrupts, log, config.table.halt_time)
         # Twice: what the clock has added up to may have to be taken back by a second way.
         time_to_rest = longest_way_to_rest(config.safety, config.run.time_step) + config.table.halt_time
         try:
+            if others := monitor.nodes_already_there():
+                raise another_run(", ".join(others))
+            if interrupts:
+                raise RunFailed(NOT_BEGUN)
+            monitor.believe_only(processes.owns)
+            processes.let_in()
             return _followed(RunFollower(monitor, processes, operator, time_to_rest), on_progress)
         finally:
             processes.stop(time_to_rest, interrupts, log, hurried=operator.leaving)

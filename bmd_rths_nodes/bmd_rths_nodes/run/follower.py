@@ -32,6 +32,9 @@ CLOSING_TIMEOUT = 10.0
 #: The same when nothing can be recorded any more [s].
 FAREWELL_TIME = 4.0
 
+#: What is told of a test that the operator has stopped before step 0.
+NOT_BEGUN = "stopped before the test had begun"
+
 
 class RunFailed(Exception):
     """The run could not be brought to an end; the text says why."""
@@ -69,6 +72,8 @@ class RunFollower:
         self._end_due = -math.inf
         self._time_to_rest = time_to_rest
         self._closing = time_to_rest + CLOSING_TIMEOUT
+        self._bag_is_lost = False
+        self._unrecorded_since = math.inf
 
     @property
     def progress(self) -> tuple[str, int]:
@@ -104,17 +109,12 @@ class RunFollower:
         self._monitor.update(LOOK_PERIOD)
         if self._operator.asked and (self._started or not self._state):  # what is not heard of may be a test
             self._operator.update()
-        recorder = self._monitor.status.get(RECORDER)
-        if recorder is not None:
-            deactivated = recorder.state is NodeState.INACTIVE and self._started
-            if deactivated:  # a test that is not recorded is of no use
-                self.problem = self.problem or f"{RECORDER}: it was deactivated before the test had ended"
-            if (deactivated or recorder.state is NodeState.ENDED) and recorder.values.get("bag"):
-                return Path(recorder.values["bag"])
-            if recorder.state is NodeState.TRIPPED and not self.problem:
-                self.problem = f"{RECORDER}: {recorder.message}"
-                self._wait_for(self._time_to_rest + FAREWELL_TIME)
+        if (bag := self._closed_bag()) is not None:
+            return bag
         self._judge_processes()
+        if self._at_rest:  # what is left to wait for is the bag
+            longest = 0.0 if self._bag_is_lost else CLOSING_TIMEOUT
+            self._give_up = min(self._give_up, time.perf_counter() + longest)
         if time.perf_counter() > self._give_up or self._operator.leaving:
             raise RunFailed(self.problem or self._excuse())
         return None
@@ -127,6 +127,30 @@ class RunFollower:
     @property
     def _started(self) -> bool:
         return self._state in (NodeState.RUNNING, NodeState.ENDED)
+
+    @property
+    def _at_rest(self) -> bool:
+        """True when the test has ended and the table driver has told that the table stands."""
+        driver = self._monitor.status.get(TABLE_DRIVER)
+        return self._state == NodeState.ENDED and driver is not None and driver.values.get("table") == "at rest"
+
+    def _closed_bag(self) -> Path | None:
+        """Return the bag when the recorder has closed it, and take note of one that cannot be recorded any more."""
+        recorder = self._monitor.status.get(RECORDER)
+        if recorder is None:
+            return None
+        if recorder.state is NodeState.TRIPPED and not self.problem:
+            self.problem = f"{RECORDER}: {recorder.message}"
+            self._bag_is_lost = True
+            self._wait_for(self._time_to_rest + FAREWELL_TIME)
+        closed = recorder.state is NodeState.ENDED
+        if recorder.state is NodeState.INACTIVE and self._started:  # a test that is not recorded is of no use
+            self.problem = self.problem or f"{RECORDER}: it was deactivated before the test had ended"
+            # The numerical substructure ends it by itself and says why; a signal would say that it was the operator.
+            now = time.perf_counter()
+            self._unrecorded_since = min(self._unrecorded_since, now)
+            closed = self._state == NodeState.ENDED or now > self._unrecorded_since + FAREWELL_TIME
+        return Path(recorder.values["bag"]) if closed and recorder.values.get("bag") else None
 
     def _wait_for(self, seconds: float) -> None:
         self._give_up = time.perf_counter() + seconds
@@ -144,6 +168,7 @@ class RunFollower:
             undisturbed = False
             if lost.name == RECORDER:  # a test that is not recorded is of no use
                 self._processes.interrupt_first()
+                self._bag_is_lost = True
                 self._closing = self._time_to_rest + FAREWELL_TIME
         if self._state == NodeState.RUNNING and undisturbed:
             self._wait_for(math.inf)
@@ -173,7 +198,7 @@ class RunFollower:
             bag = told[RECORDER].values.get("bag", "") if RECORDER in told else ""
             return f"stopped without waiting for the end of the recording; what was recorded is in {bag or 'no bag'}"
         if self._operator.asked:
-            return "stopped before the test had begun"
+            return NOT_BEGUN
         substructure = told.get(NUMERICAL_SUBSTRUCTURE)
         if self._started and substructure is not None:
             return f"{substructure.message}; the recorder did not close its bag within {self._closing:.3g} s"

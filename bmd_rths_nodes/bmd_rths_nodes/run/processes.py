@@ -8,13 +8,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from bmd_rths_msgs_py.topics import NAMESPACE
+from bmd_rths_msgs_py.topics import NAMESPACE, TABLE_DRIVER
+from bmd_rths_nodes.roles import COMPOSED_LOOP
 from bmd_rths_nodes.ros.agreement import is_of_process
 from bmd_rths_nodes.ros.ending_signals import REPEAT_TIME
-from bmd_rths_nodes.ros.spin import SUPERVISOR_VARIABLE
+from bmd_rths_nodes.ros.spin import DOOR_VARIABLE, SUPERVISOR_VARIABLE
 from bmd_rths_nodes.ros.status import NodeStatus
 
 #: Time a process is given to end after SIGINT before it is killed [s], besides the way of the table to rest.
@@ -22,6 +24,9 @@ PATIENCE = 4.0
 
 #: Time between two looks whether they have ended [s].
 LOOK_PERIOD = 0.02
+
+#: What lets a process in.
+_WELCOME = "enter"
 
 
 @dataclass
@@ -61,7 +66,7 @@ class Supervised:
 
 
 class NodeProcesses:
-    """The processes of one run.
+    """The processes of one run. They load what they need, and wait to be let in before they enter the ROS domain.
 
     Parameters
     ----------
@@ -79,14 +84,14 @@ class NodeProcesses:
         self, modules: Sequence[str], parameter_file: Path, log_folder: Path, namespace: str = NAMESPACE
     ) -> None:
         given = ("--ros-args", "--params-file", str(parameter_file), "-r", f"__ns:={namespace}")
-        environment = {**os.environ, SUPERVISOR_VARIABLE: str(os.getpid())}
+        environment = {**os.environ, SUPERVISOR_VARIABLE: str(os.getpid()), DOOR_VARIABLE: _WELCOME}
         self.started: list[Supervised] = []
         for module in modules:
             log = log_folder / f"{module.rpartition('.')[2]}.log"
             with open(log, "wb") as output:
                 process = subprocess.Popen(
                     [sys.executable, "-m", module, *given],
-                    stdin=subprocess.DEVNULL,
+                    stdin=subprocess.PIPE,
                     stdout=output,
                     stderr=subprocess.STDOUT,
                     env=environment,
@@ -94,6 +99,10 @@ class NodeProcesses:
                     start_new_session=True,
                 )
             self.started.append(Supervised(module, process, log))
+
+    def let_in(self) -> None:
+        """Let every process enter the ROS domain."""
+        self._answer_at_the_door(_WELCOME)
 
     def lost(self) -> Supervised | None:
         """Return a process that has ended, if there is one."""
@@ -135,6 +144,7 @@ class NodeProcesses:
         hurried : bool
             The operator does not want to wait: the processes are asked twice, and the way to rest is not waited for.
         """
+        self._answer_at_the_door("")
         for supervised in self._running():
             supervised.interrupt()
         before, handed_on, asked = len(interrupts), False, time.perf_counter()
@@ -147,12 +157,23 @@ class NodeProcesses:
                     log("emergency stop (Ctrl-C again to leave at once)")
                 for supervised in self._running():
                     supervised.process.send_signal(signal.SIGINT)
-            if further > 1:
+            if further > 1 or self._table_is_left_at_rest():
                 give_up = min(give_up, time.perf_counter() + PATIENCE)
             time.sleep(LOOK_PERIOD)
         for supervised in self._running():
             supervised.process.kill()
             supervised.process.wait()
+
+    def _answer_at_the_door(self, words: str) -> None:
+        """Tell every process that still waits whether it may come in; without a word it ends."""
+        for door in [supervised.process.stdin for supervised in self.started]:
+            if door is not None and not door.closed:
+                with suppress(BrokenPipeError), door:  # it may have ended meanwhile
+                    door.write(words.encode())
+
+    def _table_is_left_at_rest(self) -> bool:
+        """Tell whether the process that drives the table has ended in order, which it does when the table stands."""
+        return any(p.name in (TABLE_DRIVER, COMPOSED_LOOP) and p.process.returncode == 0 for p in self.started)
 
     def _running(self) -> list[Supervised]:
         return [supervised for supervised in self.started if supervised.process.poll() is None]
