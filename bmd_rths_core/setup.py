@@ -16,7 +16,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["numpy", "scipy", "PyYAML"],
+    install_requires=["numpy", "scipy", "filterpy", "PyYAML"],
     extras_require={
         "export": ["h5py", "pyarrow"],
         "plots": ["matplotlib", "fonttools"],

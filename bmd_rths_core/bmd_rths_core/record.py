@@ -275,5 +275,5 @@ def software_versions() -> Mapping[str, str]:
     return {
         "bmd_rths": __version__,
         "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy")},
+        **{name: version(name) for name in ("numpy", "scipy", "filterpy")},
     }

@@ -173,7 +173,7 @@ def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whol
     assert record.configuration["ground_motion"]["duration"] == 3.0
     assert record.motion["name"] == "el_centro_1940_ns"
     assert len(record.motion["sha256"]) == 64
-    assert set(record.versions) >= {"bmd_rths", "numpy", "scipy", "python", "rclpy", "rmw", "ros_distro"}
+    assert set(record.versions) >= {"bmd_rths", "numpy", "scipy", "filterpy", "python", "rclpy", "rmw", "ros_distro"}
     with AnyReader([Path(result["bag"])]) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
         diagnostics = [c for c in reader.connections if c.topic == "/diagnostics"]
