@@ -169,7 +169,8 @@ def summary(rows: list[dict[str, Any]]) -> str:
         return f"{np.mean(shares):.2f}"
 
     sub, top = KEYS[0], KEYS[2]
-    capture = " ".join(f"{np.mean([row['capture'][name] for row in rows]):.2f}" for name in (sub, top))
+    shares = [[row["capture"][name] for row in rows] for name in (sub, top)]
+    capture = ", ".join(f"{np.mean(own):.2f} ({np.min(own):.3f})" for own in shares)
     cells = (cell("rmse_true_percent", sub), cell("bound_percent", sub), reached(sub, "rmse_true_percent"))
     cells += (cell("rmse_clean_percent", top), cell("bound_percent", top), reached(top, "rmse_clean_percent"))
     cells += (cell("rmse_true_percent", top), capture)
@@ -192,9 +193,8 @@ def main(schemes: str, buildings: str, sensors: str, seeds: str, records: int, a
     list_of_records()  # refuses before anything is identified
     names = schemes.split(",") if schemes else list(dict.fromkeys((*SCHEME_NAMES, *compensators())))
     told: list[dict[str, Any]] = []
-    head = (
-        "sub | bound | reached | super, clean | bound | reached | super, raw | capture | command m/s² | table mm | µs"
-    )
+    head = "sub | bound | reached | super, clean | bound | reached | super, raw | capture (least), sub and super"
+    head += " | command m/s² | table mm | µs"
     for building in buildings.split(","):
         for seed in map(int, seeds.split(",")):
             config = identified(base(building).changed(run__seed=seed))

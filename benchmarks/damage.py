@@ -6,6 +6,7 @@ the drift that they would have, with 0.3 of their stiffness left. Errors are tho
 specimen; *pure simulation* is the building with the identified one. Real records are needed:
 
     BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/damage.py
+    BMD_RTHS_GROUND_MOTIONS=/path/to/records python benchmarks/damage.py --damage yields --records 4
 """
 
 from __future__ import annotations
@@ -60,26 +61,31 @@ def yielding(config: Config, ground: np.ndarray) -> Config:
     return config.changed(simulated_table__yield_drifts=drifts_at_yield, simulated_table__post_yield_ratio=RATIO)
 
 
+DAMAGES = {"softens": softening, "yields": yielding}
+
+
 @click.command()
 @click.option("--building", type=click.Choice(list(BUILDINGS)), default="simplified", show_default=True)
+@click.option("--damage", type=click.Choice(list(DAMAGES)), multiple=True, help="What happens; both by default.")
+@click.option("--options", default=";".join(OPTIONS), show_default=True, help="Sensors and adaptation.")
 @click.option("--records", type=int, default=len(RECORDS), show_default=True, help="How many of the records.")
-def main(building: str, records: int) -> None:
+def main(building: str, damage: tuple[str, ...], options: str, records: int) -> None:
     """Print the table."""
     list_of_records()
     config = identified(base(building)).changed(run__scheme="mpic")
     lower = len(config.numerical_substructure.masses)
     print("specimen, sensors | substructure | control layer | superstructure, clean; mean (worst) %")
-    for name, damaged in (("softens", softening), ("yields", yielding)):
+    for name in damage or DAMAGES:
         errors: dict[str, list[list[float]]] = {}
         for selected in motions_of(config, records):
             ground = selected.motion.acceleration
-            real = damaged(config, ground)
+            real = DAMAGES[name](config, ground)
             (true,) = simulated_references_of([ground], real)
             (pure,) = references_of([ground], real, real.identified_model.specimen(real.specimen.building()))
             of_pure = [rmse_percent(true[:, i], pure[:, i]) for i in (lower - 1, lower, -1)]
             errors.setdefault("pure simulation", []).append(of_pure)
-            for option, changes in OPTIONS.items():
-                chosen = real.changed(**changes)
+            for option in options.split(";"):
+                chosen = real.changed(**OPTIONS[option])
                 (run,) = run_motions(chosen, [selected])
                 quality = run_quality(run.record, chosen, true[: run.record.steps])
                 errors.setdefault(option, []).append([quality.rmse_clean_percent[key] for key in KEYS])

@@ -1,7 +1,7 @@
 """Delay and amplitude of the table by the frequency evaluation index (FEI).
 
-Guo, Chen, Gao and Xu (2014), Evaluation of actuator tracking for real-time hybrid simulation using frequency-domain
-indices, Earthquake Engineering and Engineering Vibration 13; with the exponent 2.
+Guo et al. (2014), with the exponent 2; used to compare compensators by Xu, Guo and Chen (2016), Earthquake Engineering
+and Engineering Vibration 15, 129-143.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def tracking_indicator(desired: FloatArray, achieved: FloatArray) -> FloatArray:
     Notes
     -----
     Mercan and Ricles (2007), Stability and accuracy analysis of outer loop dynamics in real-time pseudodynamic testing
-    of SDOF systems, Earthquake Engineering and Structural Dynamics 36. By the rule of trapezoids.
+    of SDOF systems, Earthquake Engineering and Structural Dynamics 36, 1523-1543. By the rule of trapezoids.
     """
     if not len(desired):
         return np.zeros(0)

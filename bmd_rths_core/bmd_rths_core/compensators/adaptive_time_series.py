@@ -49,7 +49,7 @@ class AdaptiveTimeSeriesConfig:
 
 
 class MovingLeastSquares:
-    """The coefficients that fit the commands of the last seconds, A = (XᵀX)⁻¹ Xᵀ U (Chae et al. 2013, Eq. 11).
+    """The coefficients that fit the commands of the last seconds, A = (XᵀX)⁻¹ Xᵀ U (Chae et al. 2013).
 
     Parameters
     ----------
