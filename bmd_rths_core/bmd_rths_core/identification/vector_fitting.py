@@ -59,7 +59,7 @@ def _relocated(s: ComplexArray, response: ComplexArray, weight: FloatArray, pole
     rows = []
     for own, own_weight in zip(response.T, weight.T, strict=True):
         block = own_weight[:, None] * np.hstack((columns, -own[:, None] * columns))
-        triangle: FloatArray = np.linalg.qr(np.vstack((block.real, block.imag)), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.vstack((block.real, block.imag)), mode="r"))
         rows.append(triangle[size:, size:])
     # Relaxation: not a coefficient of σ is fixed, but the sum of σ over all lines, which avoids σ = 0.
     scale = np.linalg.norm(weight * response) / len(s)
