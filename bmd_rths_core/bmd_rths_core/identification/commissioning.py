@@ -121,7 +121,15 @@ def zero_offsets(responses: Responses, config: Config) -> dict[str, float | list
 
 
 def zero_file(responses: Responses, config: Config) -> str:
-    """Return `zero_offsets` as the text of a parameter file."""
+    """Return `zero_offsets` as the text of a parameter file.
+
+    Parameters
+    ----------
+    responses : Responses
+        Of `pulse_commands`.
+    config : Config
+        The whole configuration.
+    """
     return model_text({"sensors": zero_offsets(responses, config)}, ("readings at rest, by bmd-rths commission",))
 
 

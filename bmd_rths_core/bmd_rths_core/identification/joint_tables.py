@@ -74,16 +74,44 @@ class FittedTable(Protocol):
     """A structure of the table, with values to be found."""
 
     def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
-        """Return the response from command to acceleration under a specimen of this apparent mass."""
+        """Return the response from command to acceleration.
+
+        Parameters
+        ----------
+        frequencies : ndarray, shape (n,)
+            ω [rad/s].
+        values : ndarray, shape (m,)
+            Of the structure.
+        apparent_mass : ndarray of complex, shape (n,)
+            −f / a_t of the specimen [kg].
+        """
 
     def changes(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
-        """Return the derivatives of the response over the values, one a column."""
+        """Return the derivatives of the response over the values, one a column.
+
+        Parameters
+        ----------
+        frequencies : ndarray, shape (n,)
+            ω [rad/s].
+        values : ndarray, shape (m,)
+            Of the structure.
+        apparent_mass : ndarray of complex, shape (n,)
+            −f / a_t of the specimen [kg].
+        """
 
     def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
-        """Return table and specimen as one system, and the pure delay [s]."""
+        """Return table and specimen as one system, and the pure delay [s].
+
+        Parameters
+        ----------
+        values : ndarray, shape (m,)
+            Of the structure.
+        specimen : ShearBuilding
+            What stands on the table.
+        """
 
 
-class FittedServo:
+class FittedServo(FittedTable):
     """A third-order servo that the specimen pulls at; its values are those of `SERVO`."""
 
     def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
@@ -101,8 +129,16 @@ class FittedServo:
         return plant._replace(b=gain * plant.b), delay
 
 
-class FittedSections:
-    """A table of sections in series, with every coefficient that is neither 0 nor a leading 1 as a value."""
+class FittedSections(FittedTable):
+    """A table of sections in series, with every coefficient that is neither 0 nor a leading 1 as a value.
+
+    Parameters
+    ----------
+    sections : tuple of float
+        As `simulated_table.sections` has them.
+    delay : float
+        Pure delay [s].
+    """
 
     def __init__(self, sections: tuple[float, ...], delay: float) -> None:
         self._rows, self._delay = np.array(sections).reshape(-1, SECTION_LENGTH), delay
@@ -129,7 +165,13 @@ class FittedSections:
         return np.asarray(response[:, None] * relative[self._free].T)
 
     def rows(self, values: FloatArray) -> FloatArray:
-        """Return the sections with other values, shape (sections, 6)."""
+        """Return the sections with other values, shape (sections, 6).
+
+        Parameters
+        ----------
+        values : ndarray, shape (m,)
+            Free coefficients.
+        """
         rows: FloatArray = self._rows.copy()
         rows[self._free] = values
         return rows
