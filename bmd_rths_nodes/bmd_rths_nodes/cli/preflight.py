@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import statistics
+import time
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from bmd_rths_core.errors import InputError
@@ -13,6 +18,10 @@ if TYPE_CHECKING:
     from bmd_rths_core.config import Config
     from bmd_rths_core.ground_motion.as_run import MotionAsRun
     from bmd_rths_core.ground_motion.motion import GroundMotion
+
+#: Shares of a time step that the computation of one may take, as hydraulic laboratories have them: above the first a
+#: person is warned, above the second the test is refused. The rest is for middleware, network and table.
+WARNED_SHARE, LARGEST_SHARE = 0.6, 0.8
 
 
 def checked(config: Config, motion: GroundMotion) -> Preflight | None:
@@ -39,13 +48,35 @@ def checked(config: Config, motion: GroundMotion) -> Preflight | None:
         return None
     from bmd_rths_core.analysis.preflight import predict_test
 
+    marks: list[tuple[int, float]] = []
+
+    def on_progress(done: int) -> None:
+        marks.append((done, time.thread_time()))
+        progress.update(task, completed=done)
+
     with progress_bar() as progress:
         task = progress.add_task("pre-flight", total=motion.steps)
-        preflight = predict_test(config, motion, lambda done: progress.update(task, completed=done))
+        preflight = predict_test(config, motion, on_progress)
+    share = 0.0 if config.run.lockstep else _share_of_a_step(marks, config.run.time_step)
+    if share > WARNED_SHARE:
+        told = f"computing a step takes {100.0 * share:.0f} % of run.time_step, {config.run.time_step:g} s"
+        if share > LARGEST_SHARE:
+            problem = f"{told}; at most {100.0 * LARGEST_SHARE:g} % is allowed"
+            preflight = dataclasses.replace(preflight, problems=(*preflight.problems, problem))
+        else:
+            log(f"warning: {told}; fewer stories, a compensator with fewer states or a longer step leave more time")
     if config.run.preflight == "enforce" and not preflight.cleared:
         problems = "; ".join(preflight.problems)
         raise InputError(f"pre-flight: {problems}; --override-preflight runs it all the same")
     return preflight
+
+
+def _share_of_a_step(marks: Sequence[tuple[int, float]], time_step: float) -> float:
+    """Return the processor time of a step of loop and simulated table, in steps; 0 where it is not known."""
+    costs = [
+        (after - before) / (done - earlier) for (earlier, before), (done, after) in pairwise(marks) if done > earlier
+    ]
+    return statistics.median(costs) / time_step if costs else 0.0
 
 
 def in_words(config: Config, preflight: Preflight) -> str:
