@@ -97,7 +97,7 @@ ROLES = (topics.COMMAND_SHAPER, topics.TABLE_DRIVER, topics.SHEAR_ESTIMATOR, top
 
 def codec_of(topic: topics.Topic, config: Config) -> Any:
     if topic is topics.MEASUREMENT:
-        return MeasurementCodec(len(config.specimen.masses), config.run.time_step_ns, topic.frame_id)
+        return MeasurementCodec(len(config.specimen.masses), config.run.stamps, topic.frame_id)
     return ScalarCodec(topic.frame_id)
 
 
@@ -122,7 +122,7 @@ def make_step(role: str, config: Config) -> Callable[..., Any]:
 
 def run_stage(role: str, config: Config, channels: dict[str, tuple[socket.socket, socket.socket]], ready: Any) -> None:
     """Run a stage until this process is terminated, or has heard nothing for `TIMEOUT`."""
-    step, time_step_ns = make_step(role, config), config.run.time_step_ns
+    step, step_of = make_step(role, config), config.run.stamps.step_under_way
     sources = [(channels[t.name][0], codec_of(t, config).unpack) for t in TOPICS if role in t.consumers]
     output = next(topic for topic in TOPICS if topic.producer == role)
     send, pack = channels[output.name][1].send, codec_of(output, config).pack
@@ -135,7 +135,7 @@ def run_stage(role: str, config: Config, channels: dict[str, tuple[socket.socket
         while True:
             received = [unpack(reader.recv(4096)) for reader, unpack in sources]
             stamp = received[-1][0]
-            send(pack(stamp, step(stamp // time_step_ns, *[value for _, value in received])))
+            send(pack(stamp, step(step_of(stamp), *[value for _, value in received])))
 
 
 @contextlib.contextmanager
@@ -164,7 +164,7 @@ def ring(config: Config) -> Iterator[dict[str, tuple[socket.socket, socket.socke
 
 def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep: bool) -> dict[str, Any]:
     """Run the ring once, the conductor in this process; the result must be that of `RthsLoop`."""
-    clock, time_step_ns = time.perf_counter, config.run.time_step_ns
+    clock, stamps = time.perf_counter, config.run.stamps
     corrected = np.full(motion.steps, np.nan)
     unpack = codec_of(topics.CORRECTED_FORCE, config).unpack
     pack_desired = codec_of(topics.DESIRED_ACCELERATION, config).pack
@@ -175,8 +175,8 @@ def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep
         send_required = channels[topics.REQUIRED_FORCE.name][1].send
 
         def on_step(begun: Begun) -> None:
-            send_desired(pack_desired(begun.step * time_step_ns, begun.desired_acceleration))
-            send_required(pack_required(begun.step * time_step_ns, begun.required_force))
+            send_desired(pack_desired(stamps.of(begun.step), begun.desired_acceleration))
+            send_required(pack_required(stamps.of(begun.step), begun.required_force))
 
         conductor = Conductor(
             motion.acceleration.tolist(),
@@ -193,8 +193,8 @@ def udp_run(config: Config, motion: GroundMotion, expected: np.ndarray, lockstep
             wait = conductor.poll(clock()) - clock() - WAKE_UP_MARGIN
             if select.select([reader], [], [], min(max(0.0, wait), TIMEOUT))[0]:
                 stamp, force = unpack(reader.recv(4096))
-                corrected[stamp // time_step_ns] = force
-                conductor.shear(stamp // time_step_ns, force, clock())
+                corrected[stamps.step_under_way(stamp)] = force
+                conductor.shear(stamps.step_under_way(stamp), force, clock())
         gc.unfreeze()
     deadlines, steps = conductor.deadlines, conductor.step
     timing = deadlines.statistics()

@@ -92,10 +92,10 @@ class Rig:
 
     @property
     def time_step(self) -> float:
-        """Δt [s], a whole number of nanoseconds."""
+        """Δt [s]."""
         if not 10.0 <= self.rate <= 10_000.0:
             raise InputError(f"rate: {self.rate:g} Hz is not allowed; >= 10 Hz and <= 10000 Hz is required")
-        return round(1e9 / self.rate) * 1e-9
+        return 1.0 / self.rate
 
 
 def rig_text(rig: Rig) -> str:

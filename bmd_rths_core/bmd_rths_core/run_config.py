@@ -8,6 +8,7 @@ from typing import ClassVar
 from bmd_rths_core.compensators.registry import compensators
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
+from bmd_rths_core.time_steps import StepStamps
 
 #: A time step of so many seconds looks like a rate in Hz.
 _LEAST_RATE = 10.0
@@ -66,7 +67,7 @@ class RunConfig:
     )
 
     def __post_init__(self) -> None:
-        """Check the values; a time step is a whole number of nanoseconds, because message stamps are."""
+        """Check the values."""
         if self.time_step >= _LEAST_RATE:
             step = f"{1.0 / self.time_step:g} s"
             raise InputError(
@@ -74,14 +75,11 @@ class RunConfig:
                 f"({self.time_step:g} Hz, if that is meant, are {step})"
             )
         check_parameters(self)
-        nanoseconds = self.time_step * 1e9
-        if abs(nanoseconds - round(nanoseconds)) > 1e-3:
-            raise InputError(f"run.time_step: {self.time_step!r} s is not a whole number of nanoseconds")
 
     @property
-    def time_step_ns(self) -> int:
-        """Δt in nanoseconds."""
-        return round(self.time_step * 1e9)
+    def stamps(self) -> StepStamps:
+        """Message stamps of the steps."""
+        return StepStamps(self.time_step)
 
 
 @dataclass(frozen=True)

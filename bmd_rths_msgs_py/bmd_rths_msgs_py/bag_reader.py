@@ -20,6 +20,7 @@ from bmd_rths_core.renamed_parameters import convert_renamed
 from bmd_rths_core.rest_record import rest_record
 from bmd_rths_core.run_config import RunConfig
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.bag_completeness import (
     MAX_METADATA,
     READ_TOPICS,
@@ -219,9 +220,10 @@ class _Contents:
         if not isinstance(run, dict) or "time_step" not in run:
             raise InputError("configuration: run.time_step is missing")
         configuration, self.converted = convert_renamed(configuration, RunConfig.time_step)
-        time_step_ns = build_section(RunConfig, {"time_step": run["time_step"]}).time_step_ns
-        scalars = {topic.name: self._scalars(topic, time_step_ns) for topic in SCALAR_TOPICS}
-        measurements, floors = self._measurements(MEASUREMENT, time_step_ns)
+        timing = build_section(RunConfig, {"time_step": run["time_step"]})
+        stamps: StepStamps = timing.stamps
+        scalars = {topic.name: self._scalars(topic, stamps) for topic in SCALAR_TOPICS}
+        measurements, floors = self._measurements(MEASUREMENT, stamps)
         steps = 1 + max(chain(measurements, *scalars.values()), default=-1)
         signals = {name: _column(found, steps) for name, found in scalars.items()}
         for name in TableMeasurement._fields[1:-1]:
@@ -232,10 +234,10 @@ class _Contents:
         heard = sum(len(self.messages[self._name(topic)]) for topic in SIGNAL_TOPICS)
         if heard and len(self.malformed) == heard:
             raise InputError(f"none of its {heard} messages can be read, the first of {self.malformed[0]}")
-        rest_measurements, rest_floors = self._measurements(WAY_TO_REST_MEASUREMENT, time_step_ns, floors)
-        rest_commands = self._scalars(WAY_TO_REST_COMMAND, time_step_ns)
+        rest_measurements, rest_floors = self._measurements(WAY_TO_REST_MEASUREMENT, stamps, floors)
+        rest_commands = self._scalars(WAY_TO_REST_COMMAND, stamps)
         end = self.metadata.get(END_RECORD, {})
-        outcome, reason = self._ending(end, f"{steps} steps ({steps * time_step_ns * 1e-9:.3f} s)")
+        outcome, reason = self._ending(end, f"{steps} steps ({steps * timing.time_step:.3f} s)")
         return RunRecord(
             time_step=float(run["time_step"]),
             **signals,
@@ -256,19 +258,19 @@ class _Contents:
         """Return the name a topic was recorded under."""
         return f"{self.namespace}/{topic.name}"
 
-    def _scalars(self, topic: Topic, time_step_ns: int) -> dict[int, float]:
+    def _scalars(self, topic: Topic, stamps: StepStamps) -> dict[int, float]:
         unpack = ScalarCodec().unpack
         found = {}
         for data in self.messages[self._name(topic)]:
             try:
                 stamp_ns, value = unpack(data)
-                found[step_of_stamp(stamp_ns, time_step_ns)] = value
+                found[step_of_stamp(stamp_ns, stamps)] = value
             except MalformedMessage as problem:
                 self.malformed.append(f"{self._name(topic)}: {problem}")
         return found
 
     def _measurements(
-        self, topic: Topic, time_step_ns: int, known_floors: int = 0
+        self, topic: Topic, stamps: StepStamps, known_floors: int = 0
     ) -> tuple[dict[int, TableMeasurement], int]:
         """Return measurements by step and the number of floors, as known or as the first well-formed one has it."""
         found: dict[int, TableMeasurement] = {}
@@ -277,9 +279,9 @@ class _Contents:
             try:
                 if not found:
                     floors = known_floors or count_floors(data)
-                    unpack = MeasurementCodec(floors, time_step_ns).unpack
+                    unpack = MeasurementCodec(floors, stamps).unpack
                 stamp_ns, measurement = unpack(data)
-                found[step_of_stamp(stamp_ns, time_step_ns)] = measurement
+                found[step_of_stamp(stamp_ns, stamps)] = measurement
             except MalformedMessage as problem:
                 self.malformed.append(f"{self._name(topic)}: {problem}")
         return found, floors if found else 0
@@ -326,10 +328,10 @@ def custom_data(file: Path) -> dict[str, str]:
     return story if isinstance(story, dict) and "configuration" in story else {}
 
 
-def step_of_stamp(stamp_ns: int, time_step_ns: int) -> int:
-    """Return the step of a stamp; one that is no multiple of Δt, or of another clock, is malformed."""
-    step, remainder = divmod(stamp_ns, time_step_ns)
-    if remainder or step >= MAX_STEPS:
+def step_of_stamp(stamp_ns: int, stamps: StepStamps) -> int:
+    """Return the step of a stamp; one that is of no step, or of another clock, is malformed."""
+    step = stamps.step(stamp_ns)
+    if step is None or step >= MAX_STEPS:
         raise MalformedMessage(f"stamp {stamp_ns} ns is not that of a step")
     return step
 

@@ -9,6 +9,7 @@ from mcap.records import Channel, Message
 
 from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.record import RunRecord
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.bag_reader import bag_files
 from bmd_rths_msgs_py.cdr import MalformedMessage, read_stamp
 from bmd_rths_msgs_py.mcap_records import open_regular, records_until_damage
@@ -49,7 +50,7 @@ def read_timing_of_steps(record: RunRecord) -> StepTiming | str:
 def _log_times(path: Path, time_step: float) -> tuple[dict[int, int], dict[int, int]]:
     """Return when the desired acceleration and the corrected shear of each step were heard first [ns]."""
     heard: dict[str, dict[int, int]] = {DESIRED_ACCELERATION.name: {}, CORRECTED_FORCE.name: {}}
-    time_step_ns = round(1e9 * time_step)
+    stamps = StepStamps(time_step)
     for file in bag_files(path):
         topics: dict[int, str] = {}
         with open_regular(file) as stream:
@@ -58,7 +59,7 @@ def _log_times(path: Path, time_step: float) -> tuple[dict[int, int], dict[int, 
                     topics[entry.id] = entry.topic.rpartition("/")[2]
                 elif isinstance(entry, Message) and (times := heard.get(topics.get(entry.channel_id, ""))) is not None:
                     try:
-                        times.setdefault(read_stamp(entry.data) // time_step_ns, entry.log_time)
+                        times.setdefault(stamps.step_under_way(read_stamp(entry.data)), entry.log_time)
                     except MalformedMessage:
                         continue  # `read_bag` counts it
     return heard[DESIRED_ACCELERATION.name], heard[CORRECTED_FORCE.name]

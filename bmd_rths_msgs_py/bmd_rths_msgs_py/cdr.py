@@ -13,6 +13,7 @@ from struct import Struct
 import numpy as np
 
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import StepStamps
 
 NANOSECONDS = 1_000_000_000
 
@@ -171,8 +172,8 @@ class MeasurementCodec:
     ----------
     floors : int
         Number n of floors of the experimental substructure.
-    time_step_ns : int
-        Δt [ns]; the step index of a measurement is its stamp over Δt.
+    stamps : StepStamps
+        Of the steps; that of a measurement tells its step index.
     frame_id : str
         ``header.frame_id`` of the messages that are packed.
 
@@ -182,11 +183,11 @@ class MeasurementCodec:
         There is no floor.
     """
 
-    def __init__(self, floors: int, time_step_ns: int, frame_id: str = "") -> None:
+    def __init__(self, floors: int, stamps: StepStamps, frame_id: str = "") -> None:
         if floors < 1:
             raise ValueError(f"{floors} floors; at least one is required")
         self._floors = floors
-        self._time_step_ns = time_step_ns
+        self._step_of = stamps.step
         joints = ["table", *(f"floor_{i}" for i in range(1, floors + 1)), "applied_command"]
         self._names = [name.encode() + b"\x00" for name in joints]
         m = len(joints)
@@ -277,12 +278,12 @@ class MeasurementCodec:
         Raises
         ------
         MalformedMessage
-            The bytes are not such a message, or the stamp is not a multiple of Δt.
+            The bytes are not such a message, or the stamp is that of no step.
         """
         order, stamp_ns, end = _unpack_head(data)
-        step, remainder = divmod(stamp_ns, self._time_step_ns)
-        if remainder:
-            raise MalformedMessage(f"stamp {stamp_ns} ns is not a multiple of {self._time_step_ns} ns")
+        step = self._step_of(stamp_ns)
+        if step is None:
+            raise MalformedMessage(f"stamp {stamp_ns} ns is not that of a step")
         base = (end + 3) & ~3
         layout = self._layouts[order, base & 7]
         if len(data) < _ENCAPSULATION_SIZE + base + layout.size:

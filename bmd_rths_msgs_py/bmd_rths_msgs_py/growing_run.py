@@ -94,7 +94,7 @@ class GrowingRun:
         self.last_heard = self.last_signal = 0.0
         self.outcome = self.reason = ""
         self.timing: TimingStatistics | None = None
-        self._time_step_ns = run.time_step_ns
+        self._stamps = run.stamps
         self._heard = GrowingColumns()
         self._first_ns = 0
         self._unpack_measurement: Callable[[bytes], Any] | None = None
@@ -130,16 +130,16 @@ class GrowingRun:
     def _take_signal(self, name: str, data: bytes, heard_ns: int) -> None:
         if name in self._scalars:
             stamp_ns, value = self._unpack_scalar(data)
-            step = step_of_stamp(stamp_ns, self._time_step_ns)
+            step = step_of_stamp(stamp_ns, self._stamps)
             self.signals.put(name, step, value)
             if name in (DESIRED_ACCELERATION.name, CORRECTED_FORCE.name):
                 self._first_ns = self._first_ns or heard_ns
                 self._heard.put(name, step, 1e-9 * (heard_ns - self._first_ns))
         elif name == MEASUREMENT.name:
             if self._unpack_measurement is None:
-                self._unpack_measurement = MeasurementCodec(count_floors(data), self._time_step_ns).unpack
+                self._unpack_measurement = MeasurementCodec(count_floors(data), self._stamps).unpack
             stamp_ns, measurement = self._unpack_measurement(data)
-            step_of_stamp(stamp_ns, self._time_step_ns)
+            step_of_stamp(stamp_ns, self._stamps)
             self.signals.put_measurement(measurement)
 
     def take_end(self, story: Mapping[str, str]) -> None:

@@ -16,6 +16,7 @@ from bmd_rths_core.record import RunRecord
 from bmd_rths_core.rest_record import RestRecord
 from bmd_rths_core.run_config import RunConfig
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MeasurementCodec, PairCodec, ScalarCodec
@@ -55,30 +56,30 @@ def write_record(record: RunRecord, directory: Path) -> Path:
     configured = record.configuration.get("run", {}).get("time_step")
     if configured != record.time_step:
         raise InputError(f"run.time_step: {configured!r} in the configuration of a record of {record.time_step!r} s")
-    time_step_ns = build_section(RunConfig, {"time_step": record.time_step}).time_step_ns
-    measurement_codec = MeasurementCodec(record.floor_accelerations.shape[1], time_step_ns, MEASUREMENT.frame_id)
+    stamps = build_section(RunConfig, {"time_step": record.time_step}).stamps
+    measurement_codec = MeasurementCodec(record.floor_accelerations.shape[1], stamps, MEASUREMENT.frame_id)
     namespace = record.namespace or NAMESPACE
     scalars = [(topic, topic.full_name_in(namespace), *_packed(record, topic)) for topic in SCALAR_TOPICS]
     writer = BagWriter(directory, metadata=start_metadata(record.configuration, record.motion, record.versions))
     for step in range(record.steps):
-        stamp_ns = step * time_step_ns
+        stamp_ns = stamps.of(step)
         for topic, name, pack, values in scalars:
             writer.write(name, topic.type_name, pack(stamp_ns, values[step]), stamp_ns, stamp_ns)
         data = measurement_codec.pack(stamp_ns, _measured(record, step, step))
         writer.write(MEASUREMENT.full_name_in(namespace), MEASUREMENT.type_name, data, stamp_ns, stamp_ns)
     if record.way_to_rest is not None:
-        _write_way_to_rest(record.way_to_rest, writer, measurement_codec, time_step_ns, namespace)
+        _write_way_to_rest(record.way_to_rest, writer, measurement_codec, stamps, namespace)
     writer.close(end_metadata(record.outcome, record.reason, record.timing, record.told_controller))
     return directory
 
 
 def _write_way_to_rest(
-    rest: RestRecord, writer: BagWriter, measurement_codec: MeasurementCodec, time_step_ns: int, namespace: str
+    rest: RestRecord, writer: BagWriter, measurement_codec: MeasurementCodec, stamps: StepStamps, namespace: str
 ) -> None:
     pack = ScalarCodec(WAY_TO_REST_COMMAND.frame_id).pack
     for row, command in enumerate(rest.command.tolist()):
         step = rest.first_step + row
-        stamp_ns = step * time_step_ns
+        stamp_ns = stamps.of(step)
         measurement = _measured(rest, row, step)
         messages = []
         if math.isfinite(command):

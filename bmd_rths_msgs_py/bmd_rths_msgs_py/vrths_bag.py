@@ -20,7 +20,7 @@ from bmd_rths_msgs_py.topics import ACCELERATION_TYPE, FORCE_TYPE, NAMESPACE
 
 POINT_TYPE = "geometry_msgs/msg/PointStamped"
 
-#: Every eighth step is written: 8/4096 s is the first time that is a whole number of nanoseconds.
+#: Every eighth step is written, 512 a second: enough for every signal of it, in an eighth of the file.
 EVERY = 8
 
 _VECTORS_SIZE = 48

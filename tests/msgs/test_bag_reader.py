@@ -30,6 +30,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.rest_record import rest_record
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.bag_description import end_metadata, start_metadata
 from bmd_rths_msgs_py.bag_reader import MAX_STEPS, bag_is_whole, read_bag
 from bmd_rths_msgs_py.bag_writer import BagWriter
@@ -40,6 +41,7 @@ from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT, WAY_TO_REST_MEASUREMEN
 Same = Callable[[RunRecord, RunRecord], bool]
 Make = Callable[..., RunRecord]
 STEP_NS = 5_000_000
+STAMPS = StepStamps(0.005)
 CONFIGURATION = {"run": {"time_step": 0.005}}
 FINISHED = end_metadata("finished", "", None)
 
@@ -145,8 +147,8 @@ def test_lost_message_of_the_way_to_rest_makes_a_bag_incomplete(record: RunRecor
 
 
 def test_way_to_rest_of_another_number_of_floors_is_malformed(tmp_path: Path) -> None:
-    measured = [(MEASUREMENT, MeasurementCodec(2, STEP_NS).pack(0, measurement(2)))]
-    strange = [(WAY_TO_REST_MEASUREMENT, MeasurementCodec(3, STEP_NS).pack(STEP_NS, measurement(3)))]
+    measured = [(MEASUREMENT, MeasurementCodec(2, STAMPS).pack(0, measurement(2)))]
+    strange = [(WAY_TO_REST_MEASUREMENT, MeasurementCodec(3, STAMPS).pack(STEP_NS, measurement(3)))]
     found = read_bag(bag_of(tmp_path / "run", measured + strange))
     assert found.way_to_rest is None
     assert found.reason.startswith("1 malformed messages were left out, the first of /rths/way_to_rest_measurement")
@@ -165,7 +167,7 @@ def test_a_record_that_contradicts_its_configuration_is_not_written(record: RunR
 
 
 def test_missing_messages_are_nan_and_the_last_duplicate_wins(tmp_path: Path) -> None:
-    measured = MEASUREMENT, MeasurementCodec(2, STEP_NS).pack(STEP_NS, measurement(2))
+    measured = MEASUREMENT, MeasurementCodec(2, STAMPS).pack(STEP_NS, measurement(2))
     messages = [command(3, 30.0), command(1, 10.0), command(3, 31.0), measured]
     found = read_bag(bag_of(tmp_path / "run", messages))
     assert found.steps == 4
@@ -177,7 +179,7 @@ def test_missing_messages_are_nan_and_the_last_duplicate_wins(tmp_path: Path) ->
 
 
 def test_malformed_messages_are_left_out_and_counted(tmp_path: Path) -> None:
-    right, wrong = MeasurementCodec(3, STEP_NS), MeasurementCodec(2, STEP_NS)
+    right, wrong = MeasurementCodec(3, STAMPS), MeasurementCodec(2, STAMPS)
     messages = [
         (COMMAND, b"\x00\x01"),
         command(0, 1.0),
@@ -196,7 +198,7 @@ def test_malformed_messages_are_left_out_and_counted(tmp_path: Path) -> None:
 
 
 def test_without_a_measurement_there_are_no_floors(tmp_path: Path) -> None:
-    cut = MeasurementCodec(3, STEP_NS).pack(0, measurement(3))[:-9]
+    cut = MeasurementCodec(3, STAMPS).pack(0, measurement(3))[:-9]
     found = read_bag(bag_of(tmp_path / "run", [command(0, 1.0), (MEASUREMENT, cut)]))
     assert found.floor_accelerations.shape == (1, 0)
     assert found.reason.startswith("1 malformed")

@@ -16,11 +16,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, PairCodec, ScalarCodec, count_floors
 from bmd_rths_msgs_py.topics import ACCELERATION_TYPE, FORCE_TYPE, MEASUREMENT_TYPE
 
 FRAMES = ["", "a", "ab", "abc", "abcd", "world", "interface", "a_very_long_frame_id/with/é", "x" * 300]
 TIME_STEP_NS = 5_000_000
+STAMPS = StepStamps(0.005)
 STAMP = 1_234 * TIME_STEP_NS + 3 * 1_000_000_000
 DOUBLES = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -112,11 +114,11 @@ class TestScalar:
 @pytest.mark.parametrize("frame", FRAMES)
 class TestMeasurement:
     def test_bytes_are_those_of_rosbags(self, typestore: Any, frame: str, floors: int) -> None:
-        data = MeasurementCodec(floors, TIME_STEP_NS, frame).pack(STAMP, measurement(floors))
+        data = MeasurementCodec(floors, STAMPS, frame).pack(STAMP, measurement(floors))
         assert data == rosbags_bytes(typestore, MEASUREMENT_TYPE, data)
 
     def test_bytes_are_those_of_rclpy(self, typestore: Any, frame: str, floors: int) -> None:
-        data = MeasurementCodec(floors, TIME_STEP_NS, frame).pack(STAMP, measurement(floors))
+        data = MeasurementCodec(floors, STAMPS, frame).pack(STAMP, measurement(floors))
         message = ros_measurement(frame, floors)
         assert repr(deserialize_message(data, JointTrajectory)) == repr(message)  # NaN is not equal to itself
         assert data == without_padding(typestore, MEASUREMENT_TYPE, data, serialize_message(message))
@@ -124,13 +126,13 @@ class TestMeasurement:
     def test_reads_rclpy(self, frame: str, floors: int) -> None:
         data = serialize_message(ros_measurement(frame, floors))
         assert count_floors(data) == floors
-        stamp, found = MeasurementCodec(floors, TIME_STEP_NS, "other").unpack(data)
+        stamp, found = MeasurementCodec(floors, STAMPS, "other").unpack(data)
         assert stamp == STAMP
         assert found.step == STAMP // TIME_STEP_NS
         assert equal(found, measurement(floors))
 
     def test_reads_either_byte_order(self, typestore: Any, frame: str, floors: int) -> None:
-        codec = MeasurementCodec(floors, TIME_STEP_NS, frame)
+        codec = MeasurementCodec(floors, STAMPS, frame)
         message = typestore.deserialize_cdr(codec.pack(STAMP, measurement(floors)), MEASUREMENT_TYPE)
         data = bytes(typestore.serialize_cdr(message, MEASUREMENT_TYPE, little_endian=False))
         assert data[:2] == b"\x00\x00"
@@ -148,7 +150,7 @@ def test_scalar_round_trip(stamp: int, value: float, frame: str) -> None:
 
 @given(step=st.integers(0, 10**9), values=st.lists(DOUBLES, min_size=6, max_size=20))
 def test_measurement_round_trip(step: int, values: list[float]) -> None:
-    codec = MeasurementCodec(len(values) - 5, TIME_STEP_NS, "world")
+    codec = MeasurementCodec(len(values) - 5, STAMPS, "world")
     given_measurement = TableMeasurement(step, *values[:5], np.array(values[5:]))
     stamp, found = codec.unpack(codec.pack(step * TIME_STEP_NS, given_measurement))
     assert stamp == step * TIME_STEP_NS
@@ -161,28 +163,28 @@ def test_a_stamp_that_is_no_ros_time_is_not_packed(stamp: int) -> None:
     with pytest.raises(ValueError, match=str(stamp)):
         ScalarCodec().pack(stamp, 0.0)
     with pytest.raises(ValueError, match=str(stamp)):
-        MeasurementCodec(3, 1).pack(stamp, measurement(3))
+        MeasurementCodec(3, STAMPS).pack(stamp, measurement(3))
 
 
 def test_the_wrong_number_of_floors_is_not_packed() -> None:
     with pytest.raises(ValueError, match="4 floors"):
-        MeasurementCodec(3, TIME_STEP_NS).pack(STAMP, measurement(4))
+        MeasurementCodec(3, STAMPS).pack(STAMP, measurement(4))
 
 
 def test_a_codec_needs_a_floor() -> None:
     with pytest.raises(ValueError, match="0 floors"):
-        MeasurementCodec(0, TIME_STEP_NS)
+        MeasurementCodec(0, STAMPS)
 
 
 def test_more_bytes_behind_a_message_are_ignored() -> None:
-    codec = MeasurementCodec(2, TIME_STEP_NS)
+    codec = MeasurementCodec(2, STAMPS)
     assert ScalarCodec().unpack(ScalarCodec().pack(STAMP, 2.0) + b"\xff" * 9) == (STAMP, 2.0)
     assert equal(codec.unpack(codec.pack(STAMP, measurement(2)) + b"\xff" * 9)[1], measurement(2))
 
 
 def test_every_truncation_is_malformed() -> None:
     scalar = ScalarCodec("world")
-    codec = MeasurementCodec(3, TIME_STEP_NS, "world")
+    codec = MeasurementCodec(3, STAMPS, "world")
     for unpack, data in (
         (scalar.unpack, scalar.pack(STAMP, 1.0)),
         (codec.unpack, codec.pack(STAMP, measurement(3))),
@@ -207,8 +209,8 @@ def test_stamps_that_are_no_time_are_malformed(sec: int, nanosec: int) -> None:
 
 
 def test_a_measurement_between_steps_is_malformed() -> None:
-    codec = MeasurementCodec(3, TIME_STEP_NS)
-    with pytest.raises(MalformedMessage, match="not a multiple"):
+    codec = MeasurementCodec(3, STAMPS)
+    with pytest.raises(MalformedMessage, match="not that of a step"):
         codec.unpack(codec.pack(STAMP + 1, measurement(3)))
 
 
@@ -235,12 +237,12 @@ def wrong_measurements() -> dict[str, JointTrajectory]:
 @pytest.mark.parametrize("what", wrong_measurements())
 def test_other_trajectories_are_malformed(what: str) -> None:
     with pytest.raises(MalformedMessage):
-        MeasurementCodec(3, TIME_STEP_NS).unpack(serialize_message(wrong_measurements()[what]) + bytes(100))
+        MeasurementCodec(3, STAMPS).unpack(serialize_message(wrong_measurements()[what]) + bytes(100))
 
 
 @pytest.mark.parametrize("joints", [0, 1, 2, 20, 2**31, 2**32 - 1])
 def test_impossible_numbers_of_joints_are_malformed(joints: int) -> None:
-    data = bytearray(MeasurementCodec(3, TIME_STEP_NS, "abc").pack(STAMP, measurement(3)))
+    data = bytearray(MeasurementCodec(3, STAMPS, "abc").pack(STAMP, measurement(3)))
     struct.pack_into("<I", data, 20, joints)
     with pytest.raises(MalformedMessage):
         count_floors(bytes(data))
@@ -269,7 +271,7 @@ def test_fuzz() -> None:
     """200,000 damaged packets give a valid value or `MalformedMessage`, never anything else."""
     rng = random.Random(1)
     scalar = ScalarCodec("world")
-    codec = MeasurementCodec(3, TIME_STEP_NS, "world")
+    codec = MeasurementCodec(3, STAMPS, "world")
     packets = [scalar.pack(STAMP, 1.0), ScalarCodec().pack(0, 0.0), codec.pack(STAMP, measurement(3))]
     packets += [b"\x00\x00" + packet[2:] for packet in packets]
     good = malformed = 0

@@ -14,6 +14,7 @@ import pytest
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.signals import SIGNALS
 from bmd_rths_core.table.controller import TableMeasurement
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.layouts import curves_of, foxglove_layout, plotjuggler_layout
 from bmd_rths_msgs_py.topics import MEASUREMENT, TOPICS
@@ -34,7 +35,7 @@ def messages(make_record: Callable[..., RunRecord], typestore: Any) -> tuple[Run
             data = ScalarCodec().pack(5_000_000 * STEP, float(signals[signal.name][STEP]))
             found[topic.full_name] = typestore.deserialize_cdr(data, topic.type_name)
     values = (signals[name][STEP] for name in TableMeasurement._fields[1:])
-    data = MeasurementCodec(FLOORS, 5_000_000).pack(5_000_000 * STEP, TableMeasurement(STEP, *values))
+    data = MeasurementCodec(FLOORS, StepStamps(0.005)).pack(5_000_000 * STEP, TableMeasurement(STEP, *values))
     found[MEASUREMENT.full_name] = typestore.deserialize_cdr(data, MEASUREMENT.type_name)
     return record, found
 

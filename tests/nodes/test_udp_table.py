@@ -408,7 +408,7 @@ def test_interlock_while_waiting_is_told(scripted, monkeypatch):
 def expected_command(data, step, acceleration, velocity, displacement):
     """Return the bytes of a command, with sequence and session of a datagram, as the documentation has them."""
     sequence, session = struct.unpack_from("<I", data, 8)[0], struct.unpack_from("<I", data, 48)[0]
-    time_ns = step * REAL_TIME.run.time_step_ns
+    time_ns = REAL_TIME.run.stamps.of(step)
     body = struct.pack(
         "<4sHHIIqdddI", b"RTHC", 1, 2, sequence, step, time_ns, acceleration, velocity, displacement, session
     )

@@ -13,6 +13,7 @@ from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurem
 from bmd_rths_core.table.transport import Transport
 from bmd_rths_core.table.udp_session import ACCELERATION_ONLY, UdpSession
 from bmd_rths_core.table.wire import ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
+from bmd_rths_core.time_steps import StepStamps
 
 #: Time between two packets of a host that waits for the first command [s]; controllers let go of a host after 1 s.
 KEEP_ALIVE_PERIOD = 0.25
@@ -41,8 +42,8 @@ class UdpTable:
         Addresses and time-outs.
     floors : int
         Number of floor accelerometers n.
-    time_step_ns : int
-        Δt [ns].
+    stamps : StepStamps
+        Test times of the steps.
     lockstep : bool
         The controller is a simulator that advances one step a command.
     transport : Transport
@@ -57,7 +58,7 @@ class UdpTable:
         self,
         config: TableConfig,
         floors: int,
-        time_step_ns: int,
+        stamps: StepStamps,
         lockstep: bool,
         transport: Transport,
         session: int,
@@ -67,7 +68,7 @@ class UdpTable:
         self._lockstep = lockstep
         self._motion = motion
         self._transport = transport
-        self._link = UdpSession(config, floors, time_step_ns, transport, session)
+        self._link = UdpSession(config, floors, stamps, transport, session)
         self._armed = False
         self._last_step = -1
         self._last_acceleration = 0.0
@@ -328,4 +329,4 @@ def make_udp_table(config: Config, transport: Transport, session: int) -> UdpTab
     table = replace(table, answer_timeout=table.answer_timeout or run.time_step)
     motion = DisplacementCommand(config.safety, run.time_step) if table.send_displacement else None
     floors = len(config.specimen.masses)
-    return UdpTable(table, floors, run.time_step_ns, run.lockstep, transport, session, motion)
+    return UdpTable(table, floors, run.stamps, run.lockstep, transport, session, motion)

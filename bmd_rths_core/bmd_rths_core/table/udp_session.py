@@ -18,6 +18,7 @@ from bmd_rths_core.table.wire import (
     decode_controller_packet,
     encode_host_packet,
 )
+from bmd_rths_core.time_steps import StepStamps
 
 #: A command without velocity and displacement.
 ACCELERATION_ONLY = TableMotion(math.nan, math.nan)
@@ -40,19 +41,21 @@ class UdpSession:
         Addresses and time-outs.
     floors : int
         Number of floor accelerometers n.
-    time_step_ns : int
-        Δt [ns].
+    stamps : StepStamps
+        Test times of the steps.
     transport : Transport
         Datagrams and clock of the host.
     session : int
         Number of the session, 32 bits, that no other host has.
     """
 
-    def __init__(self, config: TableConfig, floors: int, time_step_ns: int, transport: Transport, session: int) -> None:
+    def __init__(
+        self, config: TableConfig, floors: int, stamps: StepStamps, transport: Transport, session: int
+    ) -> None:
         self._config = config
         self._transport = transport
         self._floors = floors
-        self._time_step_ns = time_step_ns
+        self._stamps = stamps
         self._session = session
         self._sequence = 0
         self._of_no_use: dict[int, str] = {}
@@ -186,7 +189,7 @@ class UdpSession:
     def _send(self, kind: Kind, step: int, acceleration: float, motion: TableMotion) -> tuple[int, bytes]:
         sequence = self._sequence
         self._sequence = (sequence + 1) % MODULUS
-        time_ns = step * self._time_step_ns if kind is Kind.COMMAND else 0
+        time_ns = self._stamps.of(step) if kind is Kind.COMMAND else 0
         packet = HostPacket(kind, sequence, step, time_ns, acceleration, *motion, self._session)
         data = encode_host_packet(packet)
         self._transport.send(data)

@@ -215,7 +215,7 @@ class RecorderNode(StageNode):
 
     def _recorder_of(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that records the messages of a topic and counts those that did not come."""
-        name, time_step_ns = topic.name, self.config.run.time_step_ns
+        name, stamps = topic.name, self.config.run.stamps
         full_name = topic.full_name_in(self.get_namespace())
         lockstep = self.config.run.lockstep
 
@@ -225,7 +225,7 @@ class RecorderNode(StageNode):
             self._record(full_name, topic, data)
             self._note_message()
             try:
-                step = read_stamp(data) // time_step_ns
+                step = stamps.step_under_way(read_stamp(data))
             except MalformedMessage:
                 self.order.malformed += 1
                 return
@@ -267,7 +267,7 @@ class RecorderNode(StageNode):
         super().on_new_test()
         if self.state is not NodeState.ENDED:
             return
-        self.order = StepOrder(self.config.run.time_step_ns)
+        self.order = StepOrder(self.config.run.stamps)
         try:
             self.reset_stage()
         except InputError as error:

@@ -43,10 +43,10 @@ class Connections:
         self._publishers.append((topic, publisher))
         publish = publisher.publish if at_once else self._intra_process.sender(topic.name, publisher.publish)
         pack = codec_of(topic, config).pack
-        time_step_ns = config.run.time_step_ns
+        stamp_of = config.run.stamps.of
 
         def send(step: int, value: Any) -> None:
-            publish(pack(step * time_step_ns, value))
+            publish(pack(stamp_of(step), value))
 
         return send
 

@@ -27,7 +27,7 @@ def message_class(topic: Topic) -> type:
 def codec_of(topic: Topic, config: Config) -> Any:
     """Return the codec of a topic of the loop."""
     if topic in (MEASUREMENT, WAY_TO_REST_MEASUREMENT):
-        return MeasurementCodec(len(config.specimen.masses), config.run.time_step_ns, topic.frame_id)
+        return MeasurementCodec(len(config.specimen.masses), config.run.stamps, topic.frame_id)
     if topic is DESIRED_ACCELERATION and owns_the_interface(config):
         return PairCodec(topic.frame_id)
     return ScalarCodec(topic.frame_id)

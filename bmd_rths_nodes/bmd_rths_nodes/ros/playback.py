@@ -79,7 +79,7 @@ class Playback:
         self.late_steps = 0
         self._monitor = monitor
         self._steps = record.steps
-        self._time_step_ns = config.run.time_step_ns
+        self._stamps, self._time_step = config.run.stamps, config.run.time_step
         self._node = Node(
             NUMERICAL_SUBSTRUCTURE, namespace=monitor.namespace, enable_rosout=False, start_parameter_services=False
         )
@@ -140,7 +140,7 @@ class Playback:
         progress : callable
             Called with the number of steps that were published.
         """
-        period = 1e-9 * self._time_step_ns / rate
+        period = self._time_step / rate
         due = time.perf_counter()
         for step in range(self._steps):
             while not interrupts and (wait := due - time.perf_counter() - WAKE_UP_MARGIN) > 0.0:
@@ -203,7 +203,7 @@ class Playback:
 
     def _packed(self, pack: Callable[[int, Any], bytes], value_at: Callable[[int], Any], step: int) -> bytes | None:
         value = value_at(step)
-        return None if value is None else pack(step * self._time_step_ns, value)
+        return None if value is None else pack(self._stamps.of(step), value)
 
     def _collector(self, answers: dict[int, float]) -> Callable[[bytes], None]:
         unpack = ScalarCodec().unpack
@@ -213,8 +213,8 @@ class Playback:
                 stamp, value = unpack(data)
             except MalformedMessage:
                 return
-            step, remainder = divmod(stamp, self._time_step_ns)
-            if not remainder and step < self._steps:
+            step = self._stamps.step(stamp)
+            if step is not None and step < self._steps:
                 answers[step] = value
 
         return on_message

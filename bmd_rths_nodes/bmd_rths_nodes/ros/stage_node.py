@@ -62,7 +62,7 @@ class StageNode(ManagedNode):
         super().__init__()
         self._intra_process = intra_process
         self._connections = Connections(self, self.ROLE, intra_process)
-        self.order = StepOrder(self.config.run.time_step_ns)
+        self.order = StepOrder(self.config.run.stamps)
         self._steps_told = 0
         self.state = NodeState.INACTIVE
         self.level = status.OK
@@ -202,7 +202,7 @@ class StageNode(ManagedNode):
 
     def take_part(self) -> None:
         """Look for the peers, and begin at step 0."""
-        self.order = StepOrder(self.config.run.time_step_ns)
+        self.order = StepOrder(self.config.run.stamps)
         self._steps_told = 0
         self.end_of_test = EndOfTest(self.config.run.record)
         self._said = ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from bmd_rths_core.time_steps import StepStamps
 from bmd_rths_msgs_py.cdr import MalformedMessage
 
 
@@ -19,8 +20,8 @@ class StepOrder:
 
     Parameters
     ----------
-    time_step_ns : int
-        Δt [ns]; a stamp is a multiple of it.
+    stamps : StepStamps
+        Of the steps.
 
     Attributes
     ----------
@@ -28,8 +29,8 @@ class StepOrder:
         Messages that were taken, skipped, dropped because they came again or late, and dropped unread.
     """
 
-    def __init__(self, time_step_ns: int) -> None:
-        self._time_step_ns = time_step_ns
+    def __init__(self, stamps: StepStamps) -> None:
+        self._stamps = stamps
         self.forget()
 
     def forget(self) -> None:
@@ -57,9 +58,9 @@ class StepOrder:
         MalformedMessage
             The stamp is that of no step.
         """
-        index, remainder = divmod(stamp, self._time_step_ns)
-        if remainder:
-            raise MalformedMessage(f"stamp {stamp} ns is not a multiple of {self._time_step_ns} ns")
+        index = self._stamps.step(stamp)
+        if index is None:
+            raise MalformedMessage(f"stamp {stamp} ns is not that of a step")
         expected = self._expected.get(topic, 0)
         begins_anew = index == 0 and expected > 1
         if index < expected and not begins_anew:

@@ -51,7 +51,7 @@ class TopicTap:
     def __init__(self, monitor: RunMonitor, config: Config, folder: Path) -> None:
         self._monitor = monitor
         self._folder = folder
-        self._time_step_ns = config.run.time_step_ns
+        self._stamps = config.run.stamps
         story = provenance(config.as_mapping(), select_ground_motion(config.ground_motion, config.run.time_step))
         story["versions"] |= ros_versions()
         self._story = start_metadata(**story)
@@ -75,7 +75,7 @@ class TopicTap:
                 return
         else:
             try:
-                step = read_stamp(data) // self._time_step_ns
+                step = self._stamps.step_under_way(read_stamp(data))
             except MalformedMessage:
                 return
             if topic is DESIRED_ACCELERATION:
