@@ -48,7 +48,7 @@ def completed(mapping: Mapping[str, Any]) -> Sections:
 
 
 def _answered_within_the_step(sections: Sections) -> None:
-    """Let the emulator answer at the same share of another time step."""
+    """Let the emulator answer at the same share of a shorter time step."""
     step, given = _time_step(sections), sections.get(VirtualControllerConfig.SECTION, {})
     if step != RunConfig.time_step and isinstance(given, Mapping):
         sections[VirtualControllerConfig.SECTION] = {"answer_after": _answer_after(step), **given}
@@ -61,7 +61,8 @@ def _time_step(sections: Mapping[str, Any]) -> float:
 
 
 def _answer_after(time_step: float) -> float:
-    return float(f"{VirtualControllerConfig.answer_after / RunConfig.time_step * time_step:.9g}")
+    share = min(1.0, time_step / RunConfig.time_step)
+    return float(f"{VirtualControllerConfig.answer_after * share:.9g}")
 
 
 def _emulated_as_measured(sections: Sections) -> None:

@@ -22,8 +22,11 @@ SETTLED_DISPLACEMENT = 2e-5
 #: where the commands come up to half a step late, again and again in the same order.
 MOST_CORRECTIONS = 20
 #: None is begun later than this after the table was first watched [s]: who waits for it does not wait for ever.
-CORRECTION_TIME = 6.0
+CORRECTION_TIME = 8.0
 _GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
+#: A busy computer leaves as much of what little there is as it takes away, unless the way is gentler still.
+_GENTLER = {"ramp_acceleration": 0.05, "ramp_jerk": 5.0}
+_LITTLE_VELOCITY, _LITTLE_DISPLACEMENT = 0.01, 0.005  # m/s, m
 
 #: `stop_commands` or `ramp_commands`.
 Planner = Callable[[Motion, SafetyConfig, float], NDArray[np.float64]]
@@ -56,7 +59,10 @@ class WayToRest:
 
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
         self._config = config
-        self._gentle = replace(config, **{name: min(getattr(config, name), most) for name, most in _GENTLE.items()})
+        self._gentle, self._gentler = (
+            replace(config, **{name: min(getattr(config, name), most) for name, most in limits.items()})
+            for limits in (_GENTLE, _GENTLER)
+        )
         self._time_step = time_step
         self._settling = Settling(time_step)
         self.reset()
@@ -121,7 +127,7 @@ class WayToRest:
             self._begin(motion, planner, self._config)
             self._corrections = 0
         elif not self._plan and self._correctable(motion, planner):
-            self._begin(motion, planner, self._gentle)
+            self._begin(motion, planner, self._gently(motion))
             self._corrections += 1
         return self._pop()
 
@@ -158,9 +164,13 @@ class WayToRest:
         float or None
             Acceleration command [m/s²]; None when there is none.
         """
-        self._begin(motion, planner, self._gentle)
+        self._begin(motion, planner, self._gently(motion))
         self._corrections += 1
         return self._pop()
+
+    def _gently(self, motion: Motion) -> SafetyConfig:
+        little = abs(motion.velocity) < _LITTLE_VELOCITY and abs(motion.displacement) < _LITTLE_DISPLACEMENT
+        return self._gentler if little else self._gentle
 
     def _begin(self, motion: Motion, planner: Planner | None, config: SafetyConfig) -> None:
         """Plan the commands, the last one first."""

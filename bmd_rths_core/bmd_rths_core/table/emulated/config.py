@@ -24,7 +24,7 @@ class VirtualControllerConfig:
         0.003,
         description="Real time: from a command to its answer, with the sensors as they are then",
         unit="s",
-        source="leaves 2 ms of a step of 5 ms for the computer; the same share of another time step",
+        source="leaves 2 ms of a step of 5 ms for the computer; the same share of a shorter one",
         lower=0.0,
         upper=0.1,
     )
