@@ -26,6 +26,7 @@ def record(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_json_bags_and_report(run_main, record):
     status, output, errors = run_main("benchmark", "vrths", "--motion", record, *FEW, "--json")
     assert (status, errors) == (0, "")

@@ -91,6 +91,7 @@ def test_analyses_that_do_not_apply_say_so(run_main):
     assert "--sweep: only for the schemes of the paper" in errors
 
 
+@pytest.mark.slow
 def test_everything_of_the_object(result_of):
     result = result_of(SIMPLIFIED, "--scheme", "plc", "--sweep", "--modes", "1", "--feedback-delay", "2")
     assert (result["scheme"], result["table"], result["modes"], result["feedback_delay_steps"]) == (
@@ -137,6 +138,7 @@ def test_person_reads_the_verdict_first(run_main):
         assert text in output
 
 
+@pytest.mark.slow
 def test_person_reads_the_sensitivity(run_main):
     _, output, _ = run_main("stability", SIMPLIFIED, "--scheme", "uc")
     for text in ("GO: ", "specimen.stiffnesses[0]", "numerical_substructure.damping_coefficients[0]", "not allowed"):

@@ -12,6 +12,7 @@ from bmd_rths_nodes.cli.commission import age_in_words
 CONFIG = Path(__file__).parents[2] / "config" / "simplified_bmd.yaml"
 
 
+@pytest.mark.slow
 def test_a_rig_in_order_passes_and_leaves_a_protocol(run_main, tmp_path):
     config = shutil.copy(CONFIG, tmp_path / "rig.yaml")
     assert "no protocol" in age_in_words(str(config))
@@ -27,6 +28,7 @@ def test_a_rig_in_order_passes_and_leaves_a_protocol(run_main, tmp_path):
     assert age_in_words(str(config)).startswith("commissioning: passed 0 days ago")
 
 
+@pytest.mark.slow
 def test_a_sensor_with_the_wrong_sign_and_a_stop_nobody_tried_fail(run_main, tmp_path):
     config = shutil.copy(CONFIG, tmp_path / "rig.yaml")
     status, output, _ = run_main("commission", config, "--set", "sensors.base_shear_scale=-1.0")

@@ -12,6 +12,7 @@ from tests.nodes.conftest import CONFIG
 SHORT = ("--duration", 40)
 
 
+@pytest.mark.slow
 def test_json_tells_table_specimen_and_files(run_main, tmp_path):
     model, measured = tmp_path / "model.yaml", tmp_path / "measured.csv"
     status, output, _ = run_main("identify", CONFIG, *SHORT, "--output", model, "--frf", measured, "--json")
@@ -88,6 +89,7 @@ def test_later_model_and_set_win(run_main, tmp_path):
     assert errors("--model", first) != two
 
 
+@pytest.mark.slow
 def test_bag_is_identified_without_driving(run_main, tmp_path):
     _, output, _ = run_main("simulate", CONFIG, "--scheme", "fc", "--output", tmp_path / "bags", "--json")
     bag = json.loads(output)["bag"]
@@ -113,6 +115,7 @@ def test_wrong_bag_and_options_that_would_say_how_to_move_are_refused(run_main, 
     assert errors.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_table_for_a_person(run_main):
     status, output, _ = run_main("identify", CONFIG, *SHORT, "--order", 3)
     assert status == 0
@@ -120,6 +123,7 @@ def test_table_for_a_person(run_main):
         assert text in output
 
 
+@pytest.mark.slow
 def test_only_what_is_asked_for(run_main):
     _, output, _ = run_main("identify", CONFIG, *SHORT, "--what", "specimen", "--json")
     assert "order" not in json.loads(output)

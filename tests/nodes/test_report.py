@@ -59,6 +59,7 @@ def changed(record, change, **fields):
     return dataclasses.replace(record, **{name: change(s) for name, s in record.signals().items()}, **fields)
 
 
+@pytest.mark.slow
 def test_page_is_whole_needs_no_network_and_says_the_verdict_first(run_main, record, tmp_path):
     bag = write_record(record, tmp_path / "bag")
     status, output, errors = run_main("analyze", bag, "--report", "report.html", "--json")
@@ -209,6 +210,7 @@ def test_bag_of_another_version_is_refused_by_name(run_main, record, tmp_path):
     assert f"{bag}: configuration: unknown_section" in errors
 
 
+@pytest.mark.slow
 def test_figures_for_a_paper(run_main, record, tmp_path):
     bag = write_record(record, tmp_path / "bag")
     arguments = ("--figures", "figures", "--only", "response_of_the_floors", "--window", "2,4")

@@ -9,62 +9,138 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
 from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rosbags.highlevel import AnyReader
+from std_srvs.srv import Trigger
 
 from bmd_rths_core.compensators.schemes import SCHEME_NAMES
-from bmd_rths_core.config import load_config
+from bmd_rths_core.config import dump_config, load_config
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
-from bmd_rths_msgs_py.topics import ROLES
+from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, RECORDER, ROLES
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, EIGHT_STORY, processes_of_domain, recorded, wait_until
+from tests.nodes.conftest import CONFIG, EIGHT_STORY, change_state, processes_of_domain, recorded, wait_until
 
 
-def in_process(path=CONFIG, **changes):
-    config = load_config(path).changed(**changes)
+def loop_of(config):
     return RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
 
 
-def finished(child):
-    result = child.wait()
-    assert result.status == 0, result.errors
-    return json.loads(result.output)
+def in_process(path=CONFIG, **changes):
+    return loop_of(load_config(path).changed(**changes))
+
+
+def finished(ended):
+    """Return what a run that has ended well tells: a child, or what the command line in this process has returned."""
+    status, output, errors = ended if isinstance(ended, tuple) else vars(ended.wait()).values()
+    assert status == 0, errors
+    return json.loads(output)
+
+
+class Laboratory:
+    """Six processes that a person has started by hand, in lockstep, and their bags."""
+
+    def __init__(self, client, start, folder, config):
+        self._client, self._bags = client, folder / "bags"
+        self._read = {}
+        parameters = folder / "parameters.yaml"
+        parameters.write_text(dump_config(config.changed(recorder__directory=str(self._bags))))
+        for role in ROLES:
+            start("-m", f"bmd_rths_nodes.nodes.{role}", "--ros-args", "--params-file", parameters)
+
+    def record(self, number):
+        """Wait until so many bags are closed; return the record of the newest one."""
+        wait_until(lambda: len(self._closed()) == number)
+        (new,) = set(self._closed()) - set(self._read)
+        self._read[new] = read_bag(new)
+        return self._read[new]
+
+    def _closed(self):
+        return [file.parent for file in self._bags.glob("*/metadata.yaml") if "outcome" in file.read_text()]
+
+    def under_way(self):
+        """Wait until some steps of a test are in its bag."""
+        before = set(self._closed())
+        (new,) = wait_until(lambda: set(self._bags.iterdir()) - before)
+        wait_until(lambda: recorded(self._bags, 50_000, new.name))
+
+    def ask(self, service):
+        return self._client.call(Trigger, f"/rths/table_driver/{service}", Trigger.Request()).success
+
+    def again(self):
+        """Begin another test, as README says: recorder and numerical substructure are activated again."""
+        for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+            for role in (RECORDER, NUMERICAL_SUBSTRUCTURE):
+                assert change_state(self._client, transition, role)
+
+    def with_scheme(self, scheme):
+        """Begin a test with another scheme."""
+        for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
+            for role in ROLES:
+                assert change_state(self._client, transition, role)
+        request = SetParameters.Request(parameters=[Parameter("run.scheme", value=scheme).to_parameter_msg()])
+        for role in ROLES:
+            assert self._client.call(SetParameters, f"/rths/{role}/set_parameters", request).results[0].successful
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            for role in ROLES:
+                assert change_state(self._client, transition, role)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", SCHEME_NAMES)
-def test_lockstep_of_five_processes_equals_the_loop_in_process_bit_for_bit_on_el_centro(bmd_rths, tmp_path, scheme):
-    """The whole record with the default scheme, the others as long as it takes to excite everything."""
-    changes = {"run__preflight": "skip"} | ({} if scheme == "plc_fc" else {"ground_motion__duration": 5.0})
-    how = ("--scheme", scheme, "--lockstep", *settings(**changes), "--output", tmp_path, "--json")
-    result = finished(bmd_rths("run", CONFIG, *how))
-    record = read_bag(result["bag"])
-    assert record.outcome == "finished"
-    assert record.steps == result["steps"] == (3599 if scheme == "plc_fc" else 1001)
-    expected = in_process(run__scheme=scheme, **changes)
-    assert record.same_signals(expected)
-    assert record.way_to_rest.same_signals(expected.way_to_rest)
-    assert result["missing_values"] == result["missed_deadlines"] == 0
-    assert result["stable"] is True
+def test_five_processes_equal_the_loop_in_process_bit_for_bit_test_after_test_with_every_scheme(
+    client, start, tmp_path
+):
+    """The same processes run a test, one that the operator stops, the first one again, and those of other schemes."""
+    config = load_config(CONFIG).changed(run__lockstep=True, ground_motion__duration=2.0)
+    laboratory = Laboratory(client, start, tmp_path, config)
+    first = laboratory.record(1)
+    expected = loop_of(config)
+    assert (first.outcome, first.steps) == ("finished", 401)
+    assert first.same_signals(expected)
+    assert first.way_to_rest.same_signals(expected.way_to_rest)
+
+    laboratory.again()
+    laboratory.under_way()
+    assert laboratory.ask("stop")
+    stopped = laboratory.record(2)
+    assert (stopped.outcome, stopped.reason) == ("stopped", "table_driver: stopped by the operator")
+    whole = stopped.steps - 2  # the last step had not closed
+    assert whole > 20
+    for name, values in stopped.signals().items():
+        assert np.array_equal(values[:whole], expected.signals()[name][:whole]), name
+
+    wait_until(lambda: laboratory.ask("reset"))
+    laboratory.again()
+    assert laboratory.record(3).same_signals(expected)
+
+    others = [scheme for scheme in SCHEME_NAMES if scheme != config.run.scheme]
+    assert len(others) == 3
+    for number, scheme in enumerate(others, start=4):
+        laboratory.with_scheme(scheme)
+        record = laboratory.record(number)
+        assert (record.outcome, record.configuration["run"]["scheme"]) == ("finished", scheme)
+        assert record.same_signals(loop_of(config.changed(run__scheme=scheme)))
 
 
 @pytest.mark.slow
-def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadline(bmd_rths, tmp_path):
+def test_real_time_run_equals_the_loop_in_process_up_to_the_first_missed_deadline(run_main, tmp_path):
     """On a busy machine deadlines may be missed: what came before is equal all the same, and the misses are told."""
-    duration = 5.0
+    duration = 3.0
     arguments = (*PATIENT, "--set", f"ground_motion.duration={duration}", "--output", tmp_path, "--json")
-    result = finished(bmd_rths("run", CONFIG, *arguments))
+    result = finished(run_main("run", CONFIG, *arguments))
     assert set(result) >= {"scheme", "motion", "steps", "stable", "rmse_percent", "tracking_delay_ms", "bag"}
     assert set(result["closure_ms"]) == {"p50", "p99", "max"}
     assert set(result["rmse_percent"]) == {"substructure", "control_layer", "superstructure"}
     record = read_bag(result["bag"])
     expected = in_process(ground_motion__duration=duration, run__longest_miss_time=20)
-    assert record.steps == expected.steps == 1001
+    assert record.steps == expected.steps == 601
     assert len(record.timing.missed_steps) == result["missed_deadlines"]
     first_miss = min(record.timing.missed_steps, default=record.steps)
     for name, signal_ in record.signals().items():
@@ -97,11 +173,15 @@ def test_composed_lockstep_equals_the_loop_in_process(composed_run):
     record, expected = read_bag(composed_run.told["bag"]), in_process(ground_motion__duration=3.0)
     assert record.same_signals(expected)
     assert record.way_to_rest.same_signals(expected.way_to_rest)
+    told = composed_run.told
+    assert told["steps"] == record.steps == 601
+    assert told["missing_values"] == told["missed_deadlines"] == 0
+    assert told["stable"] is True
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("substructure", ["linear", "yielding"])
-def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd_rths, tmp_path, substructure):
+def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(run_main, tmp_path, substructure):
     changes = {"ground_motion.duration": 5.0, "force_correction.feedback_scale": 0.05, "run.preflight": "skip"}
     if substructure == "yielding":
         changes |= {
@@ -111,7 +191,7 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
         }
     settings = [argument for key, value in changes.items() for argument in ("--set", f"{key}={json.dumps(value)}")]
     options = ("--lockstep", "--composed", *settings, "--output", tmp_path, "--json")
-    result = finished(bmd_rths("run", EIGHT_STORY, *options))
+    result = finished(run_main("run", EIGHT_STORY, *options))
     record = read_bag(result["bag"])
     assert record.floor_accelerations.shape == (1001, 5)
     expected = in_process(EIGHT_STORY, **{key.replace(".", "__"): value for key, value in changes.items()})
@@ -119,7 +199,7 @@ def test_8_story_system_with_a_share_of_the_shear_equals_the_loop_in_process(bmd
 
 
 @pytest.mark.slow
-def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_path):
+def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(run_main, tmp_path):
     arguments = (
         "--lockstep",
         "--set",
@@ -130,9 +210,9 @@ def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_
         tmp_path,
         "--json",
     )
-    result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
-    assert result.status == 1
-    told = json.loads(result.output)
+    status, output, _ = run_main("run", CONFIG, "--override-preflight", *arguments)
+    assert status == 1
+    told = json.loads(output)
     assert told["outcome"] == "limit"
     assert told["stable"] is False
     assert told["rmse_percent"] == {"substructure": None, "control_layer": None, "superstructure": None}
@@ -145,7 +225,7 @@ def test_passed_limit_ends_the_run_at_the_same_step_as_in_process(bmd_rths, tmp_
 
 
 @pytest.mark.slow
-def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_path):
+def test_diverging_run_is_stopped_at_the_same_step_as_in_process(run_main, tmp_path):
     """The uncompensated loop with a numerical mass far below the allowable one."""
     light = {
         "numerical_substructure__masses": [1500.0],
@@ -153,9 +233,9 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(bmd_rths, tmp_p
         "numerical_substructure__damping_coefficients": [2 * 0.0167 * 94.09 * 1500.0],
     }
     arguments = ("--scheme", "uc", "--lockstep", "--composed", *settings(**light), "--output", tmp_path, "--json")
-    result = bmd_rths("run", CONFIG, "--override-preflight", *arguments).wait()
-    assert result.status == 1
-    told = json.loads(result.output)
+    status, output, _ = run_main("run", CONFIG, "--override-preflight", *arguments)
+    assert status == 1
+    told = json.loads(output)
     expected = in_process(run__scheme="uc", **light)
     record = read_bag(told["bag"])
     assert (record.outcome, record.reason) == ("limit", expected.reason)
@@ -198,31 +278,17 @@ PATIENT = settings(run__longest_miss_time=20, run__preflight="skip", safety__sta
 
 
 def begun(tmp_path):
-    """Return the MCAP file of the run once half a megabyte has been recorded."""
-    return recorded(tmp_path, 500_000)
+    """Return the MCAP file of the run once a second of it has been recorded."""
+    return recorded(tmp_path, 200_000)
 
 
 @pytest.mark.slow
-def test_ctrl_c_ends_the_test_with_a_readable_bag_and_no_process(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path, "--json")
-    wait_until(lambda: begun(tmp_path))
-    child.interrupt()
-    result = child.wait(30.0)
-    assert result.status == 1
-    assert "Traceback" not in result.errors
-    told = json.loads(result.output)
-    assert told["outcome"] == "stopped"
-    record = read_bag(told["bag"])
-    assert record.outcome == "stopped"
-    assert "operator" in record.reason
-    assert 0 < record.steps < 3599
-    assert processes_of_domain(domain) == {}
-
-
-@pytest.mark.slow
-def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, domain):
+@pytest.mark.parametrize("where", ["at the door", "on the domain"])
+def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, client, domain, where):
     child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
     wait_until(lambda: processes_of_domain(domain))
+    if where == "on the domain":
+        wait_until(lambda: set(client.get_node_names()) & set(ROLES))
     child.interrupt()
     result = child.wait(30.0)
     assert result.status == 1
@@ -237,7 +303,7 @@ def test_killed_recorder_loses_at_most_a_second_and_its_bag_says_that_it_was_cut
     What is there is enough for a replay.
     """
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
-    child = bmd_rths("run", CONFIG, "--lockstep", *endless, "--output", tmp_path)
+    child = bmd_rths("run", CONFIG, "--lockstep", "--composed", *endless, "--output", tmp_path)
     bag = wait_until(lambda: begun(tmp_path))
     (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "nodes.recorder" in command)
     killed_at = time.time_ns()
@@ -305,32 +371,3 @@ def test_table_is_brought_to_rest_when_no_command_comes_any_more(bmd_rths, tmp_p
     assert record.outcome == "limit"
     assert "table_driver: safety.stale_shear_time [s] passed at step" in record.reason
     assert processes_of_domain(domain) == {}
-
-
-@pytest.mark.slow
-def test_nodes_do_not_outlive_a_killed_command_line(bmd_rths, tmp_path, domain):
-    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
-    wait_until(lambda: begun(tmp_path))
-    child.process.kill()
-    child.process.wait()
-    wait_until(lambda: processes_of_domain(domain) == {}, timeout=20.0)
-    (bag,) = tmp_path.glob("el_centro*")
-    assert read_bag(bag).outcome in ("stopped", "failed")
-
-
-@pytest.mark.slow
-def test_second_run_on_the_same_domain_is_refused_and_the_first_goes_on(bmd_rths, tmp_path):
-    """The first one still records afterwards, and it is the operator who ends it."""
-    endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip")
-    first = bmd_rths("run", CONFIG, *PATIENT, *endless, "--output", tmp_path, "--json")
-    bag = wait_until(lambda: begun(tmp_path))
-    second = bmd_rths("run", CONFIG, "--output", tmp_path / "second").wait()
-    assert second.status == 2
-    assert "another run is active on this ROS domain (bmd-rths on this computer)" in second.errors
-    assert "set ROS_DOMAIN_ID to a free domain" in second.errors
-    assert not (tmp_path / "second").exists()
-    size = bag.stat().st_size
-    wait_until(lambda: bag.stat().st_size > size + 100_000)
-    first.interrupt()
-    told = json.loads(first.wait(60.0).output)
-    assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator")
