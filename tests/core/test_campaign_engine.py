@@ -60,7 +60,7 @@ def assert_equal_to_the_loop(config, motions, engine="linear"):
 @pytest.mark.parametrize("scheme", ["uc", "fc", "plc", "plc_fc"])
 def test_runs_equal_those_of_the_loop(scheme, table, source):
     config = Config().changed(run__scheme=scheme, shear_estimator__source=source, **TABLES[table])
-    assert_equal_to_the_loop(config, [selected(700), selected(350, "shorter", 7.0), selected(2, "shortest")])
+    assert_equal_to_the_loop(config, [selected(350), selected(150, "shorter", 7.0), selected(2, "shortest")])
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_limits_end_a_run_as_they_end_that_of_the_loop(limit, action):
         changes["safety__stability_floor"] = 1.0
     if limit == "velocity":  # the way to rest keeps it
         changes["safety__ramp_velocity"] = PASSED[limit]
-    (record, _) = assert_equal_to_the_loop(Config().changed(**changes), [selected(900), selected(400, peak=1e-3)])
+    (record, _) = assert_equal_to_the_loop(Config().changed(**changes), [selected(450), selected(200, peak=1e-3)])
     assert record.stable == (action in ("indicate", "ignore"))
     assert record.stable or f"safety.{limit}_limit" in record.reason
 

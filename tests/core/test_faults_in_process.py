@@ -1,7 +1,6 @@
 """Faults in virtual time: after each of them the table is at rest, within its limits, and the reason is told."""
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
@@ -16,30 +15,29 @@ from tests.faults.in_process import KINDS, outcome_of
 from tests.faults.outcome import Outcome, summary, wrong_motion
 from tests.faults.rig import SESSION, Rig, Trial, VirtualNetwork
 
-#: An outcome that several tests look at.
-known_outcome = cache(outcome_of)
+#: What the reason of seed 0 names: the fault, and not what follows from it.
+NAMED = {
+    "dead_controller": "safety.stale_controller_time",
+    "frozen_controller": "answers step",
+    "nan_sensor": "safety.non_finite_action",
+    "stuck_sensor": "safety.stuck_time",
+    "drifting_command": "safety.displacement_limit",
+    "dead_host": "watchdog",
+    "unstable": "safety.",
+}
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_table_is_safe_and_the_reason_is_told(kind, seed):
-    assert known_outcome(kind, seed).wrong == ()
+def test_table_is_safe_and_the_reason_is_the_fault(kind, seed):
+    outcome = outcome_of(kind, seed)
+    assert outcome.wrong == ()
+    if seed == 0:
+        assert NAMED.get(kind, "") in outcome.reason
 
 
-@pytest.mark.parametrize(
-    ("kind", "named"),
-    [
-        ("dead_controller", "safety.stale_controller_time"),
-        ("frozen_controller", "answers step"),
-        ("nan_sensor", "safety.non_finite_action"),
-        ("stuck_sensor", "safety.stuck_time"),
-        ("drifting_command", "safety.displacement_limit"),
-        ("dead_host", "watchdog"),
-        ("unstable", "safety."),
-    ],
-)
-def test_reason_is_the_fault_and_not_what_follows_from_it(kind, named):
-    assert named in known_outcome(kind, 0).reason
+def test_every_fault_whose_reason_is_known_is_tried():
+    assert set(NAMED) <= set(KINDS)
 
 
 def test_outcome_depends_on_the_seed_alone():

@@ -73,7 +73,7 @@ def sections_response(model, omega):
     return np.array(rational) * np.exp(-1j * omega * model.rational.delay)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("name", "order", "degree"), [("servo", 3, 0), ("interacting servo", 7, 4), ("Eq. 9", 9, 4)])
 def test_own_transfer_function_is_recovered_to_15_hz(name, order, degree, seed):
     config = TABLES[name]

@@ -33,4 +33,10 @@ class TrueMotion(NamedTuple):
         motion : TrueMotion
             The motion.
         """
-        return TrueMotion(*(max(peak, abs(value)) for peak, value in zip(self, motion, strict=True)))
+        displacement, velocity, acceleration, force = motion
+        return TrueMotion(
+            max(self.displacement, abs(displacement)),
+            max(self.velocity, abs(velocity)),
+            max(self.acceleration, abs(acceleration)),
+            max(self.force, abs(force)),
+        )

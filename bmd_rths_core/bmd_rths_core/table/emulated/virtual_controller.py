@@ -120,6 +120,13 @@ class VirtualController:
         faults: Faults,
     ) -> None:
         self._config = config
+        self._hard_limits = (
+            (Interlock.DISPLACEMENT, config.displacement_limit),
+            (Interlock.VELOCITY, config.velocity_limit),
+            (Interlock.ACCELERATION, config.acceleration_limit),
+            (Interlock.FORCE, config.force_limit),
+            (Interlock.TRACKING, config.tracking_limit),
+        )
         self._make_table = make_table
         self._time_step = time_step
         self._faults = faults
@@ -383,13 +390,8 @@ class VirtualController:
         self.motion = table.motion
         self.peaks = self.peaks.peaks(self.motion)
         displacement, velocity = table.reference
-        limits = self._config
-        for reason, value, limit in (
-            (Interlock.DISPLACEMENT, measured.table_displacement, limits.displacement_limit),
-            (Interlock.VELOCITY, velocity, limits.velocity_limit),
-            (Interlock.ACCELERATION, measured.table_acceleration, limits.acceleration_limit),
-            (Interlock.FORCE, measured.actuator_force, limits.force_limit),
-            (Interlock.TRACKING, measured.table_displacement - displacement, limits.tracking_limit),
-        ):
+        sensed = (measured.table_displacement, velocity, measured.table_acceleration, measured.actuator_force)
+        error = measured.table_displacement - displacement
+        for (reason, limit), value in zip(self._hard_limits, (*sensed, error), strict=True):
             if abs(value) > limit:
                 self._trip(reason)
