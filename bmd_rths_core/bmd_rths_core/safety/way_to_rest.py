@@ -21,7 +21,7 @@ SETTLED_DISPLACEMENT = 2e-5
 #: that they leave less. So many are tried; each leaves about a hundredth of what it takes away, and up to all of it
 #: where the commands come up to half a step late, again and again in the same order.
 MOST_CORRECTIONS = 20
-#: None is begun later than this after the table was first watched [s]: who waits for it does not wait for ever.
+#: None for little is begun later than this after the table was first watched [s]: nobody waits for it for ever.
 CORRECTION_TIME = 8.0
 _GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
 #: A busy computer leaves as much of what little there is as it takes away, unless the way is gentler still.
@@ -125,7 +125,7 @@ class WayToRest:
         """
         if self._plan is None or self._strayed(motion):
             self._begin(motion, planner, self._config)
-            self._corrections = 0
+            self._corrections, self._watched_from = 0, -1
         elif not self._plan and self._correctable(motion, planner):
             self._begin(motion, planner, self._gently(motion))
             self._corrections += 1
@@ -145,9 +145,11 @@ class WayToRest:
 
     def found(self) -> Motion | None:
         """End the watch, and return the motion that was seen where a further way is to take it away."""
+        found = self._settling.found() if self._corrections < MOST_CORRECTIONS else None
+        if found is None or abs(found.displacement) > self._config.displacement_limit:
+            return None
         in_time = (self._watched_until - self._watched_from) * self._time_step < CORRECTION_TIME
-        found = self._settling.found() if in_time and self._corrections < MOST_CORRECTIONS else None
-        return found if found is not None and abs(found.displacement) <= self._config.displacement_limit else None
+        return found if in_time or not _is_little(found) else None
 
     def correct(self, motion: Motion, planner: Planner) -> float | None:
         """Begin a gentle way from a motion that was seen, and return its first command.
@@ -169,8 +171,7 @@ class WayToRest:
         return self._pop()
 
     def _gently(self, motion: Motion) -> SafetyConfig:
-        little = abs(motion.velocity) < _LITTLE_VELOCITY and abs(motion.displacement) < _LITTLE_DISPLACEMENT
-        return self._gentler if little else self._gentle
+        return self._gentler if _is_little(motion) else self._gentle
 
     def _begin(self, motion: Motion, planner: Planner | None, config: SafetyConfig) -> None:
         """Plan the commands, the last one first."""
@@ -195,3 +196,7 @@ class WayToRest:
             return False
         off = planner is ramp_commands and abs(motion.displacement) > SETTLED_DISPLACEMENT
         return off or abs(motion.velocity) > SETTLED_VELOCITY
+
+
+def _is_little(motion: Motion) -> bool:
+    return abs(motion.velocity) < _LITTLE_VELOCITY and abs(motion.displacement) < _LITTLE_DISPLACEMENT
