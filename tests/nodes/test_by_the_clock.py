@@ -5,6 +5,7 @@ the kernel got each packet. On a busy machine commands come late; the table has 
 """
 
 import json
+import math
 import os
 import re
 import signal
@@ -18,12 +19,22 @@ from bmd_rths_core.table.wire import Kind
 from tests.clock.arrivals import ArrivalController, held, periods
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
-pytestmark = [pytest.mark.alone, pytest.mark.slow]
+pytestmark = [pytest.mark.slow]
 
 DT = Config().run.time_step
 
 #: The rigid table of the controller follows at once: without compensation the loop is stable on it.
 RUN = ("--scheme", "uc", "--json")
+
+#: For a machine that is busy with other tests: a building of the same frequency and damping, too heavy to feel shears
+#: that come late, and a ground motion that leaves room for commands that are held too long.
+MASS = 8e5
+HEAVY = (
+    "ground_motion.peak_acceleration=0.5",
+    f"numerical_substructure.masses=[{MASS}]",
+    f"numerical_substructure.stiffnesses=[{94.09**2 * MASS}]",
+    f"numerical_substructure.damping_coefficients=[{2.0 * 0.0167 * 94.09 * MASS}]",
+)
 
 #: Limits that a machine busy with other tests does not pass by being late.
 PATIENT = (
@@ -44,6 +55,14 @@ def run(bmd_rths, controller, *arguments, set_=(), duration=2.0):
     return bmd_rths("run", CONFIG, "--table", controller.address, *RUN, *settings(*pairs), *arguments)
 
 
+def stall(domain, name, seconds):
+    """Give a process no processor time for some time."""
+    (pid,) = (pid for pid, command in processes_of_domain(domain).items() if f"nodes.{name}" in command)
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    os.kill(pid, signal.SIGCONT)
+
+
 def at_rest(controller):
     """Check where the commands, each held until the next one arrived, have led the table; return its motion."""
     motion = held(controller.commands)
@@ -54,17 +73,26 @@ def at_rest(controller):
     return motion
 
 
-def never_in_bursts(controller, steps):
-    """Check that no two commands of the way to rest came together."""
-    way = [arrival for arrival in controller.commands if arrival.step >= steps]
-    assert len(way) > 10
-    assert periods(way).min() > 0.1 * DT
+def never_in_bursts(controller, steps, alone=False, stall=math.inf):
+    """Check that no two commands of the way to rest came together.
+
+    On a busy machine the host may lose its processor with a command in its hands, which then arrives with the next one.
+    Neither three together nor two after a `stall` come from that.
+    """
+    way = np.array([arrival.step >= steps for arrival in controller.commands])
+    assert way.sum() > 10
+    times = periods(controller.commands)
+    (together,) = np.nonzero(way[:-1] & (times < 0.1 * DT))
+    if alone:
+        assert together.size == 0
+    assert ((times[together - 1] > 0.9 * DT) & (times[together - 1] < 0.9 * stall)).all()
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize(
     ("mode", "answer_after"),
-    [(("--composed",), 0.5e-3), (("--composed",), 4e-3), ((), 0.5e-3)],
-    ids=["composed, 0.5 ms", "composed, 4 ms", "five processes, 0.5 ms"],
+    [(("--composed",), lambda step: 0.5e-3 if step < 200 else 4e-3), ((), lambda step: 0.5e-3)],
+    ids=["composed, 0.5 ms and 4 ms", "five processes, 0.5 ms"],
 )
 def test_ordinary_end(bmd_rths, mode, answer_after):
     with ArrivalController(answer_after) as controller:
@@ -73,25 +101,45 @@ def test_ordinary_end(bmd_rths, mode, answer_after):
         told = json.loads(result.output)
         assert told["outcome"] == "finished"
         at_rest(controller)
-        never_in_bursts(controller, told["steps"])
-        assert np.median(periods(controller.commands)) == pytest.approx(DT, abs=0.1 * DT)
+        never_in_bursts(controller, told["steps"], alone=True)
+        for part in (controller.commands[:200], controller.commands[200:]):
+            assert np.median(periods(part)) == pytest.approx(DT, abs=0.1 * DT)
         steps = [arrival.step for arrival in controller.commands]
         assert steps == sorted(set(steps))
         assert [a.kind for a in controller.arrivals if a.kind in (Kind.STOP, Kind.EMERGENCY_STOP)] == [Kind.STOP]
 
 
-@pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
-def test_ctrl_c(bmd_rths, mode):
+def stopped(child, controller, stall=math.inf):
+    """Check what a test that Ctrl-C has ended tells, and that it has left the table at rest."""
+    result = child.wait()
+    assert result.status == 1, result.errors
+    assert "Traceback" not in result.errors
+    told = json.loads(result.output)
+    assert told["outcome"] == "stopped"
+    assert at_rest(controller).largest_displacement > 1e-3
+    never_in_bursts(controller, told["steps"], stall=stall)
+
+
+def test_ctrl_c(bmd_rths, domain):
     with ArrivalController(2e-3) as controller:
-        child = run(bmd_rths, controller, *mode, duration=15.0)
+        child = run(bmd_rths, controller, duration=15.0, set_=HEAVY)
         wait_until(lambda: len(controller.commands) > 300)
         child.interrupt()
-        result = child.wait()
-        assert result.status == 1, result.errors
-        told = json.loads(result.output)
-        assert told["outcome"] == "stopped"
-        assert at_rest(controller).largest_displacement > 1e-3
-        never_in_bursts(controller, told["steps"])
+        stopped(child, controller)
+        assert processes_of_domain(domain) == {}
+
+
+def test_ctrl_c_and_a_stall_on_the_way_to_rest(bmd_rths, domain):
+    """What the table did meanwhile is planned for anew, and not caught up with in a burst."""
+    with ArrivalController(2e-3) as controller:
+        child = run(bmd_rths, controller, "--composed", duration=15.0, set_=(*HEAVY, "safety.ramp_velocity=0.03"))
+        wait_until(lambda: len(controller.commands) > 300)
+        child.interrupt()
+        child.wait_for_words("stopping")
+        time.sleep(0.1)
+        stall(domain, "composed_loop", 0.4)
+        stopped(child, controller, stall=0.4)
+        assert periods(controller.commands).max() > 0.9 * 0.4
 
 
 @pytest.mark.parametrize(
@@ -115,44 +163,38 @@ def test_trip(bmd_rths, limit, floor_gain, told):
             assert outcome["steps"] - 1 in [arrival.step for arrival in controller.commands]
 
 
-@pytest.mark.parametrize("stall", [0.05, 0.3])
 @pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
-def test_stall_of_the_process_that_drives_the_table(bmd_rths, domain, mode, stall):
-    """The last command is held meanwhile: the table ends at rest only if that time is counted."""
+def test_stalls_of_the_process_that_drives_the_table(bmd_rths, domain, mode):
+    """One that the test survives, and one that ends it.
+
+    The last command is held meanwhile: the table ends at rest only if that time is counted. A busy machine may make the
+    first one so long that it ends the test.
+    """
     name = "composed_loop" if mode else "table_driver"
     with ArrivalController(2e-3) as controller:
-        child = run(bmd_rths, controller, *mode, duration=4.0, set_=("safety.stale_shear_time=0.1",))
+        child = run(bmd_rths, controller, *mode, duration=4.0, set_=(*HEAVY, "safety.stale_shear_time=0.1"))
         wait_until(lambda: len(controller.commands) > 300)
-        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if f"nodes.{name}" in command)
-        os.kill(pid, signal.SIGSTOP)
-        time.sleep(stall)
-        os.kill(pid, signal.SIGCONT)
+        stall(domain, name, 0.05)
+        begun = len(controller.commands)
+        wait_until(lambda: len(controller.commands) > begun + 40 or child.process.poll() is not None)
+        longest = 0.05
+        if child.process.poll() is None and not ended(controller):
+            stall(domain, name, 0.3)
+            longest = 0.3
         told = json.loads(child.wait().output)
         motion = held(controller.commands)
         assert abs(motion.velocity) < 1e-3
         assert abs(motion.displacement) < 1e-3
-        assert periods(controller.commands).max() > 0.9 * stall
-        never_in_bursts(controller, told["steps"])
+        assert periods(controller.commands).max() > 0.9 * longest
+        never_in_bursts(controller, told["steps"], stall=0.3)
 
 
-def test_stall_on_the_way_to_rest(bmd_rths, domain):
-    """What the table did meanwhile is planned for anew, and not caught up with in a burst."""
-    with ArrivalController(2e-3) as controller:
-        slow = ("safety.ramp_velocity=0.01",)
-        child = run(bmd_rths, controller, "--composed", duration=15.0, set_=slow)
-        wait_until(lambda: len(controller.commands) > 300)
-        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if "composed_loop" in command)
-        child.interrupt()
-        child.wait_for_words("stopping")
-        time.sleep(0.1)
-        os.kill(pid, signal.SIGSTOP)
-        time.sleep(0.4)
-        os.kill(pid, signal.SIGCONT)
-        told = json.loads(child.wait().output)
-        at_rest(controller)
-        never_in_bursts(controller, told["steps"])
+def ended(controller):
+    """Tell whether the way to rest is over."""
+    return any(arrival.kind is Kind.STOP for arrival in controller.arrivals)
 
 
+@pytest.mark.alone
 def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(bmd_rths, domain):
     """No command comes any more: the way to rest begins before the limits could no longer be kept."""
     with ArrivalController(2e-3) as controller:
@@ -161,7 +203,7 @@ def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(b
         (pid,) = (pid for pid, command in processes_of_domain(domain).items() if "numerical_substructure" in command)
         os.kill(pid, signal.SIGSTOP)
         try:
-            wait_until(lambda: any(arrival.kind is Kind.STOP for arrival in controller.arrivals))
+            wait_until(lambda: ended(controller))
         finally:
             os.kill(pid, signal.SIGCONT)
         child.wait()
@@ -171,6 +213,7 @@ def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(b
 IDENTIFY = ("--what", "table", "--order", 1, "--band", 1, 20, "--duration", 20, "--json")
 
 
+@pytest.mark.alone
 def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
     with ArrivalController(2e-3, lost=lambda step: 300 <= step < 303) as controller:
         result = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *settings()).wait()
@@ -187,7 +230,7 @@ def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
 def test_identify_that_ends_early_ramps_to_rest_and_says_why_in_one_line(bmd_rths, ending):
     lost = (lambda step: step >= 600) if ending == "lost answers" else (lambda step: False)
     with ArrivalController(2e-3, lost=lost) as controller:
-        given = settings("safety.stale_controller_time=0.05")
+        given = settings("safety.stale_controller_time=0.05") if ending == "lost answers" else settings()
         child = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *given)
         if ending == "ctrl-c":
             wait_until(lambda: len(controller.commands) > 600)
