@@ -5,7 +5,6 @@ the kernel got each packet. On a busy machine commands come late; the table has 
 """
 
 import json
-import math
 import os
 import re
 import signal
@@ -19,22 +18,12 @@ from bmd_rths_core.table.wire import Kind
 from tests.clock.arrivals import ArrivalController, held, periods
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.alone, pytest.mark.slow]
 
 DT = Config().run.time_step
 
 #: The rigid table of the controller follows at once: without compensation the loop is stable on it.
 RUN = ("--scheme", "uc", "--json")
-
-#: For a machine that is busy with other tests: a building of the same frequency and damping, too heavy to feel shears
-#: that come late, and a ground motion that leaves room for commands that are held too long.
-MASS = 8e5
-HEAVY = (
-    "ground_motion.peak_acceleration=0.5",
-    f"numerical_substructure.masses=[{MASS}]",
-    f"numerical_substructure.stiffnesses=[{94.09**2 * MASS}]",
-    f"numerical_substructure.damping_coefficients=[{2.0 * 0.0167 * 94.09 * MASS}]",
-)
 
 #: Limits that a machine busy with other tests does not pass by being late.
 PATIENT = (
@@ -73,22 +62,13 @@ def at_rest(controller):
     return motion
 
 
-def never_in_bursts(controller, steps, alone=False, stall=math.inf):
-    """Check that no two commands of the way to rest came together.
-
-    On a busy machine the host may lose its processor with a command in its hands, which then arrives with the next one.
-    Neither three together nor two after a `stall` come from that.
-    """
-    way = np.array([arrival.step >= steps for arrival in controller.commands])
-    assert way.sum() > 10
-    times = periods(controller.commands)
-    (together,) = np.nonzero(way[:-1] & (times < 0.1 * DT))
-    if alone:
-        assert together.size == 0
-    assert ((times[together - 1] > 0.9 * DT) & (times[together - 1] < 0.9 * stall)).all()
+def never_in_bursts(controller, steps):
+    """Check that no two commands of the way to rest came together."""
+    way = [arrival for arrival in controller.commands if arrival.step >= steps]
+    assert len(way) > 10
+    assert periods(way).min() > 0.1 * DT
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(
     ("mode", "answer_after"),
     [(("--composed",), lambda step: 0.5e-3 if step < 200 else 4e-3), ((), lambda step: 0.5e-3)],
@@ -101,7 +81,7 @@ def test_ordinary_end(bmd_rths, mode, answer_after):
         told = json.loads(result.output)
         assert told["outcome"] == "finished"
         at_rest(controller)
-        never_in_bursts(controller, told["steps"], alone=True)
+        never_in_bursts(controller, told["steps"])
         for part in (controller.commands[:200], controller.commands[200:]):
             assert np.median(periods(part)) == pytest.approx(DT, abs=0.1 * DT)
         steps = [arrival.step for arrival in controller.commands]
@@ -109,7 +89,7 @@ def test_ordinary_end(bmd_rths, mode, answer_after):
         assert [a.kind for a in controller.arrivals if a.kind in (Kind.STOP, Kind.EMERGENCY_STOP)] == [Kind.STOP]
 
 
-def stopped(child, controller, stall=math.inf):
+def stopped(child, controller):
     """Check what a test that Ctrl-C has ended tells, and that it has left the table at rest."""
     result = child.wait()
     assert result.status == 1, result.errors
@@ -117,12 +97,12 @@ def stopped(child, controller, stall=math.inf):
     told = json.loads(result.output)
     assert told["outcome"] == "stopped"
     assert at_rest(controller).largest_displacement > 1e-3
-    never_in_bursts(controller, told["steps"], stall=stall)
+    never_in_bursts(controller, told["steps"])
 
 
 def test_ctrl_c(bmd_rths, domain):
     with ArrivalController(2e-3) as controller:
-        child = run(bmd_rths, controller, duration=15.0, set_=HEAVY)
+        child = run(bmd_rths, controller, duration=15.0)
         wait_until(lambda: len(controller.commands) > 300)
         child.interrupt()
         stopped(child, controller)
@@ -132,13 +112,13 @@ def test_ctrl_c(bmd_rths, domain):
 def test_ctrl_c_and_a_stall_on_the_way_to_rest(bmd_rths, domain):
     """What the table did meanwhile is planned for anew, and not caught up with in a burst."""
     with ArrivalController(2e-3) as controller:
-        child = run(bmd_rths, controller, "--composed", duration=15.0, set_=(*HEAVY, "safety.ramp_velocity=0.03"))
+        child = run(bmd_rths, controller, "--composed", duration=15.0, set_=("safety.ramp_velocity=0.01",))
         wait_until(lambda: len(controller.commands) > 300)
         child.interrupt()
         child.wait_for_words("stopping")
         time.sleep(0.1)
         stall(domain, "composed_loop", 0.4)
-        stopped(child, controller, stall=0.4)
+        stopped(child, controller)
         assert periods(controller.commands).max() > 0.9 * 0.4
 
 
@@ -172,7 +152,7 @@ def test_stalls_of_the_process_that_drives_the_table(bmd_rths, domain, mode):
     """
     name = "composed_loop" if mode else "table_driver"
     with ArrivalController(2e-3) as controller:
-        child = run(bmd_rths, controller, *mode, duration=4.0, set_=(*HEAVY, "safety.stale_shear_time=0.1"))
+        child = run(bmd_rths, controller, *mode, duration=4.0, set_=("safety.stale_shear_time=0.1",))
         wait_until(lambda: len(controller.commands) > 300)
         stall(domain, name, 0.05)
         begun = len(controller.commands)
@@ -186,7 +166,7 @@ def test_stalls_of_the_process_that_drives_the_table(bmd_rths, domain, mode):
         assert abs(motion.velocity) < 1e-3
         assert abs(motion.displacement) < 1e-3
         assert periods(controller.commands).max() > 0.9 * longest
-        never_in_bursts(controller, told["steps"], stall=0.3)
+        never_in_bursts(controller, told["steps"])
 
 
 def ended(controller):
@@ -194,7 +174,6 @@ def ended(controller):
     return any(arrival.kind is Kind.STOP for arrival in controller.arrivals)
 
 
-@pytest.mark.alone
 def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(bmd_rths, domain):
     """No command comes any more: the way to rest begins before the limits could no longer be kept."""
     with ArrivalController(2e-3) as controller:
@@ -213,7 +192,6 @@ def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(b
 IDENTIFY = ("--what", "table", "--order", 1, "--band", 1, 20, "--duration", 20, "--json")
 
 
-@pytest.mark.alone
 def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
     with ArrivalController(2e-3, lost=lambda step: 300 <= step < 303) as controller:
         result = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *settings()).wait()
