@@ -80,6 +80,7 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
     assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator"), result.errors
 
 
+@pytest.mark.slow
 def test_domain_without_a_run_is_one_clear_line(bmd_rths, domain):
     result = bmd_rths("monitor", "--json").wait()
     assert (result.status, result.output) == (1, "")

@@ -169,6 +169,7 @@ def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, cli
     assert read_bag(finished(child)["bag"]).same_signals(in_process())
 
 
+@pytest.mark.slow
 def test_composed_lockstep_equals_the_loop_in_process(composed_run):
     record, expected = read_bag(composed_run.told["bag"]), in_process(ground_motion__duration=3.0)
     assert record.same_signals(expected)
@@ -243,6 +244,7 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(run_main, tmp_p
     assert record.same_signals(expected)
 
 
+@pytest.mark.slow
 def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(run_main, composed_run):
     result = dict(composed_run.told)
     assert result.pop("preflight")["cleared"] is True
