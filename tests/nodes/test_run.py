@@ -287,7 +287,7 @@ def begun(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("where", ["at the door", "on the domain"])
 def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, client, domain, where):
-    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
+    child = bmd_rths("run", CONFIG, "--composed", *PATIENT, "--output", tmp_path)
     wait_until(lambda: processes_of_domain(domain))
     if where == "on the domain":
         wait_until(lambda: set(client.get_node_names()) & set(ROLES))
