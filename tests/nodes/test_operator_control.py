@@ -324,7 +324,7 @@ def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(
     quick = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.2}
     with emulator(LOCKSTEP.changed(run__lockstep=False, **changes)) as (server, config):
         child = bmd_rths(
-            *("run", CONFIG, "--table", config.table.address, *arguments(**quick)),
+            *("run", CONFIG, "--composed", "--table", config.table.address, *arguments(**quick)),
             *("--output", tmp_path / "bags", "--json"),
         )
         wait_until(lambda: begun(tmp_path / "bags"))
@@ -342,7 +342,7 @@ def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(
 def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rths, tmp_path, domain):
     """Where the test is stopped the table is some 80 mm off: longer than the recorder is waited for at rest."""
     ramp = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.012}
-    child = bmd_rths("run", CONFIG, *arguments(**ramp), "--output", tmp_path / "bags", "--json")
+    child = bmd_rths("run", CONFIG, "--composed", *arguments(**ramp), "--output", tmp_path / "bags", "--json")
     wait_until(lambda: recorded(tmp_path / "bags", 130_000))
     child.interrupt()
     result = child.wait()
