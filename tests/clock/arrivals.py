@@ -54,8 +54,8 @@ class ArrivalController:
 
     Parameters
     ----------
-    answer_after : float
-        Time from a command to its answer [s].
+    answer_after : float or callable
+        Time from a command to its answer [s], or step to that.
     floors : int
         Floors of the rigid specimen.
     lost : callable, optional
@@ -66,7 +66,8 @@ class ArrivalController:
 
     def __init__(self, answer_after=0.003, floors=2, lost=lambda step: False, floor_gain=1.0):
         self.arrivals: list[Arrival] = []
-        self._answer_after, self._floors, self._lost, self._floor_gain = answer_after, floors, lost, floor_gain
+        self._answer_after = answer_after if callable(answer_after) else lambda step: answer_after
+        self._floors, self._lost, self._floor_gain = floors, lost, floor_gain
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._socket.bind(("127.0.0.1", 0))
@@ -120,7 +121,7 @@ class ArrivalController:
             self._hold(arrived, packet.acceleration)
             self._state, self._step = ControllerState.RUNNING, packet.step
             if not self._lost(packet.step):
-                owed.append((arrived + self._answer_after, packet, sender))
+                owed.append((arrived + self._answer_after(packet.step), packet, sender))
             return True
         if packet.kind is Kind.ARM:
             self._state = ControllerState.ARMED

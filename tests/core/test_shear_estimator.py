@@ -1,5 +1,8 @@
 """Kalman shear estimator: steady-state gain proven equal to the full filter, accuracy, noise, load cells."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -89,3 +92,26 @@ def test_load_cell_path_gives_the_load_cells():
     readings = measurements(SPECIMEN, SimulatedTableConfig(), smooth_commands(20))
     estimator = ShearEstimator(ShearEstimatorConfig(source="load_cell"), SPECIMEN, DT)
     assert [estimator.step(m) for m in readings] == [m.base_shear for m in readings]
+
+
+#: In a process that has loaded nothing yet: the filter is that of filterpy, and who wants a likelihood gets it.
+WITHOUT_STATS = """
+import math, sys
+from bmd_rths_core.stages.filterpy_loader import kalman_filter_class
+kalman = kalman_filter_class()(dim_x=1, dim_z=1)
+assert "scipy.stats" not in sys.modules
+import filterpy.kalman, filterpy.stats
+assert type(kalman) is filterpy.kalman.KalmanFilter is kalman_filter_class()
+kalman.predict()
+kalman.update(0.5)
+assert "scipy.stats" not in sys.modules
+wanted = -0.5 * (math.log(2.0 * math.pi * kalman.S.item()) + kalman.y.item() ** 2 / kalman.S.item())
+assert abs(kalman.log_likelihood - wanted) < 1e-12, (kalman.log_likelihood, wanted)
+import scipy.stats
+assert abs(filterpy.stats.stats.norm(0.0, 1.0).pdf(0.0) - scipy.stats.norm.pdf(0.0)) < 1e-15
+"""
+
+
+def test_filter_is_that_of_filterpy_without_waiting_for_scipy_stats():
+    done = subprocess.run([sys.executable, "-c", WITHOUT_STATS], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -44,6 +44,14 @@ def run(bmd_rths, controller, *arguments, set_=(), duration=2.0):
     return bmd_rths("run", CONFIG, "--table", controller.address, *RUN, *settings(*pairs), *arguments)
 
 
+def stall(domain, name, seconds):
+    """Give a process no processor time for some time."""
+    (pid,) = (pid for pid, command in processes_of_domain(domain).items() if f"nodes.{name}" in command)
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    os.kill(pid, signal.SIGCONT)
+
+
 def at_rest(controller):
     """Check where the commands, each held until the next one arrived, have led the table; return its motion."""
     motion = held(controller.commands)
@@ -63,8 +71,8 @@ def never_in_bursts(controller, steps):
 
 @pytest.mark.parametrize(
     ("mode", "answer_after"),
-    [(("--composed",), 0.5e-3), (("--composed",), 4e-3), ((), 0.5e-3)],
-    ids=["composed, 0.5 ms", "composed, 4 ms", "five processes, 0.5 ms"],
+    [(("--composed",), lambda step: 0.5e-3 if step < 200 else 4e-3), ((), lambda step: 0.5e-3)],
+    ids=["composed, 0.5 ms and 4 ms", "five processes, 0.5 ms"],
 )
 def test_ordinary_end(bmd_rths, mode, answer_after):
     with ArrivalController(answer_after) as controller:
@@ -74,24 +82,44 @@ def test_ordinary_end(bmd_rths, mode, answer_after):
         assert told["outcome"] == "finished"
         at_rest(controller)
         never_in_bursts(controller, told["steps"])
-        assert np.median(periods(controller.commands)) == pytest.approx(DT, abs=0.1 * DT)
+        for part in (controller.commands[:200], controller.commands[200:]):
+            assert np.median(periods(part)) == pytest.approx(DT, abs=0.1 * DT)
         steps = [arrival.step for arrival in controller.commands]
         assert steps == sorted(set(steps))
         assert [a.kind for a in controller.arrivals if a.kind in (Kind.STOP, Kind.EMERGENCY_STOP)] == [Kind.STOP]
 
 
-@pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
-def test_ctrl_c(bmd_rths, mode):
+def stopped(child, controller):
+    """Check what a test that Ctrl-C has ended tells, and that it has left the table at rest."""
+    result = child.wait()
+    assert result.status == 1, result.errors
+    assert "Traceback" not in result.errors
+    told = json.loads(result.output)
+    assert told["outcome"] == "stopped"
+    assert at_rest(controller).largest_displacement > 1e-3
+    never_in_bursts(controller, told["steps"])
+
+
+def test_ctrl_c(bmd_rths, domain):
     with ArrivalController(2e-3) as controller:
-        child = run(bmd_rths, controller, *mode, duration=15.0)
+        child = run(bmd_rths, controller, duration=15.0)
         wait_until(lambda: len(controller.commands) > 300)
         child.interrupt()
-        result = child.wait()
-        assert result.status == 1, result.errors
-        told = json.loads(result.output)
-        assert told["outcome"] == "stopped"
-        assert at_rest(controller).largest_displacement > 1e-3
-        never_in_bursts(controller, told["steps"])
+        stopped(child, controller)
+        assert processes_of_domain(domain) == {}
+
+
+def test_ctrl_c_and_a_stall_on_the_way_to_rest(bmd_rths, domain):
+    """What the table did meanwhile is planned for anew, and not caught up with in a burst."""
+    with ArrivalController(2e-3) as controller:
+        child = run(bmd_rths, controller, "--composed", duration=15.0, set_=("safety.ramp_velocity=0.01",))
+        wait_until(lambda: len(controller.commands) > 300)
+        child.interrupt()
+        child.wait_for_words("stopping")
+        time.sleep(0.1)
+        stall(domain, "composed_loop", 0.4)
+        stopped(child, controller)
+        assert periods(controller.commands).max() > 0.9 * 0.4
 
 
 @pytest.mark.parametrize(
@@ -115,42 +143,35 @@ def test_trip(bmd_rths, limit, floor_gain, told):
             assert outcome["steps"] - 1 in [arrival.step for arrival in controller.commands]
 
 
-@pytest.mark.parametrize("stall", [0.05, 0.3])
 @pytest.mark.parametrize("mode", [("--composed",), ()], ids=["composed", "five processes"])
-def test_stall_of_the_process_that_drives_the_table(bmd_rths, domain, mode, stall):
-    """The last command is held meanwhile: the table ends at rest only if that time is counted."""
+def test_stalls_of_the_process_that_drives_the_table(bmd_rths, domain, mode):
+    """One that the test survives, and one that ends it.
+
+    The last command is held meanwhile: the table ends at rest only if that time is counted. A busy machine may make the
+    first one so long that it ends the test.
+    """
     name = "composed_loop" if mode else "table_driver"
     with ArrivalController(2e-3) as controller:
         child = run(bmd_rths, controller, *mode, duration=4.0, set_=("safety.stale_shear_time=0.1",))
         wait_until(lambda: len(controller.commands) > 300)
-        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if f"nodes.{name}" in command)
-        os.kill(pid, signal.SIGSTOP)
-        time.sleep(stall)
-        os.kill(pid, signal.SIGCONT)
+        stall(domain, name, 0.05)
+        begun = len(controller.commands)
+        wait_until(lambda: len(controller.commands) > begun + 40 or child.process.poll() is not None)
+        longest = 0.05
+        if child.process.poll() is None and not ended(controller):
+            stall(domain, name, 0.3)
+            longest = 0.3
         told = json.loads(child.wait().output)
         motion = held(controller.commands)
         assert abs(motion.velocity) < 1e-3
         assert abs(motion.displacement) < 1e-3
-        assert periods(controller.commands).max() > 0.9 * stall
+        assert periods(controller.commands).max() > 0.9 * longest
         never_in_bursts(controller, told["steps"])
 
 
-def test_stall_on_the_way_to_rest(bmd_rths, domain):
-    """What the table did meanwhile is planned for anew, and not caught up with in a burst."""
-    with ArrivalController(2e-3) as controller:
-        slow = ("safety.ramp_velocity=0.01",)
-        child = run(bmd_rths, controller, "--composed", duration=15.0, set_=slow)
-        wait_until(lambda: len(controller.commands) > 300)
-        (pid,) = (pid for pid, command in processes_of_domain(domain).items() if "composed_loop" in command)
-        child.interrupt()
-        child.wait_for_words("stopping")
-        time.sleep(0.1)
-        os.kill(pid, signal.SIGSTOP)
-        time.sleep(0.4)
-        os.kill(pid, signal.SIGCONT)
-        told = json.loads(child.wait().output)
-        at_rest(controller)
-        never_in_bursts(controller, told["steps"])
+def ended(controller):
+    """Tell whether the way to rest is over."""
+    return any(arrival.kind is Kind.STOP for arrival in controller.arrivals)
 
 
 def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(bmd_rths, domain):
@@ -161,7 +182,7 @@ def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(b
         (pid,) = (pid for pid, command in processes_of_domain(domain).items() if "numerical_substructure" in command)
         os.kill(pid, signal.SIGSTOP)
         try:
-            wait_until(lambda: any(arrival.kind is Kind.STOP for arrival in controller.arrivals))
+            wait_until(lambda: ended(controller))
         finally:
             os.kill(pid, signal.SIGCONT)
         child.wait()
@@ -187,7 +208,7 @@ def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
 def test_identify_that_ends_early_ramps_to_rest_and_says_why_in_one_line(bmd_rths, ending):
     lost = (lambda step: step >= 600) if ending == "lost answers" else (lambda step: False)
     with ArrivalController(2e-3, lost=lost) as controller:
-        given = settings("safety.stale_controller_time=0.05")
+        given = settings("safety.stale_controller_time=0.05") if ending == "lost answers" else settings()
         child = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *given)
         if ending == "ctrl-c":
             wait_until(lambda: len(controller.commands) > 600)

@@ -29,7 +29,7 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
     live = bmd_rths("monitor")
     wait_until(lambda: any(name.startswith("rths_monitor") for name in client.get_node_names()))
     endless = settings(ground_motion__free_vibration=600.0, run__preflight="skip", **PATIENT)
-    run = bmd_rths("run", CONFIG, *endless, "--output", tmp_path, "--json")
+    run = bmd_rths("run", CONFIG, "--composed", *endless, "--output", tmp_path, "--json")
     wait_until(lambda: recorded(tmp_path, 200_000))
 
     picture = bmd_rths("monitor", "--json").wait()
@@ -80,6 +80,7 @@ def test_picture_of_a_run_has_its_nodes_test_table_and_bag_and_the_run_does_not_
     assert (told["outcome"], told["reason"]) == ("stopped", "table_driver: stopped by the operator"), result.errors
 
 
+@pytest.mark.slow
 def test_domain_without_a_run_is_one_clear_line(bmd_rths, domain):
     result = bmd_rths("monitor", "--json").wait()
     assert (result.status, result.output) == (1, "")

@@ -169,6 +169,7 @@ def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, cli
     assert read_bag(finished(child)["bag"]).same_signals(in_process())
 
 
+@pytest.mark.slow
 def test_composed_lockstep_equals_the_loop_in_process(composed_run):
     record, expected = read_bag(composed_run.told["bag"]), in_process(ground_motion__duration=3.0)
     assert record.same_signals(expected)
@@ -243,6 +244,7 @@ def test_diverging_run_is_stopped_at_the_same_step_as_in_process(run_main, tmp_p
     assert record.same_signals(expected)
 
 
+@pytest.mark.slow
 def test_analyze_computes_the_same_from_the_bag_alone_and_the_bag_tells_the_whole_story(run_main, composed_run):
     result = dict(composed_run.told)
     assert result.pop("preflight")["cleared"] is True
@@ -285,7 +287,7 @@ def begun(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("where", ["at the door", "on the domain"])
 def test_ctrl_c_before_the_start_leaves_no_process(bmd_rths, tmp_path, client, domain, where):
-    child = bmd_rths("run", CONFIG, *PATIENT, "--output", tmp_path)
+    child = bmd_rths("run", CONFIG, "--composed", *PATIENT, "--output", tmp_path)
     wait_until(lambda: processes_of_domain(domain))
     if where == "on the domain":
         wait_until(lambda: set(client.get_node_names()) & set(ROLES))

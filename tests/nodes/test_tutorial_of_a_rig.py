@@ -11,13 +11,21 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import WITHOUT_LIMITS
+
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "a_rig_of_your_own.md"
 
 #: The tutorial ends in less time than this [s].
-PATIENCE = 200
+PATIENCE = 400
 
-#: Limits that a busy machine does not pass by being late.
-PATIENT = ("run.longest_miss_time=5.0", "safety.stale_shear_time=2.0", "safety.stale_controller_time=5.0")
+#: Limits that a busy machine does not pass by being late; a shear that comes late makes the command jump. In lockstep
+#: nothing is late, and pre-flight and limits are those of the page.
+PATIENT = {
+    "run__longest_miss_time": 20.0,
+    "safety__stale_shear_time": 20.0,
+    "safety__stale_controller_time": 20.0,
+    **WITHOUT_LIMITS,
+}
 
 
 def blocks():
@@ -34,15 +42,14 @@ def test_the_page_goes_through_every_step():
 
 
 @pytest.mark.slow
-@pytest.mark.alone
 def test_its_commands_run_as_they_stand(tmp_path, monkeypatch):
     """One script, in which the first command that fails ends it; the file is never edited."""
     program = tmp_path / "bin" / "bmd-rths"
     program.parent.mkdir()
-    # How late a busy machine is says nothing about the page: `run` is patient here.
-    patience = " ".join(f"--set {pair}" for pair in PATIENT)
+    # How late a busy machine is says nothing about the page: `run` in real time is patient here.
+    patience = " ".join(f"--set {name.replace('__', '.')}={value}" for name, value in PATIENT.items())
     program.write_text(
-        f'#!/bin/sh\ncase "$1" in run) set -- "$@" {patience};; esac\n'
+        f'#!/bin/sh\ncase "$*" in *--lockstep*) ;; run*) set -- "$@" {patience};; esac\n'
         f'exec {sys.executable} -m bmd_rths_nodes.cli.main "$@"\n'
     )
     program.chmod(0o755)

@@ -12,6 +12,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold, zero_order_hold
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.physical_bounds import VARIANCE
+from bmd_rths_core.stages.filterpy_loader import kalman_filter_class
 from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.table.controller import TableMeasurement
 
@@ -230,11 +231,8 @@ def kalman_filter(
     input_matrix : ndarray, shape (2n, 2)
         For the table acceleration at the beginning and at the end of the step.
     """
-    # filterpy brings scipy.stats, a second that the nodes without a filter, and studies, need not wait.
-    from filterpy.kalman import KalmanFilter
-
     steady = steady_state_filter(config, specimen, time_step)
-    kalman = KalmanFilter(dim_x=2 * specimen.stories, dim_z=specimen.stories, dim_u=2)
+    kalman = kalman_filter_class()(dim_x=2 * specimen.stories, dim_z=specimen.stories, dim_u=2)
     kalman.x = np.zeros(2 * specimen.stories)
     kalman.F, kalman.H, kalman.K, kalman.P = steady.transition, steady.measurement, steady.gain, steady.covariance
     kalman.Q, kalman.R = steady.process_noise, steady.measurement_noise
