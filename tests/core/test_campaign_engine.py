@@ -97,7 +97,10 @@ PASSED = {
 }
 
 
-@pytest.mark.parametrize("action", ["hold", "ramp", "emergency_stop", "indicate", "ignore"])
+@pytest.mark.parametrize(
+    "action",
+    ["ramp", *(pytest.param(a, marks=pytest.mark.slow) for a in ("hold", "emergency_stop", "indicate", "ignore"))],
+)
 @pytest.mark.parametrize("limit", PASSED)
 def test_limits_end_a_run_as_they_end_that_of_the_loop(limit, action):
     changes = {f"safety__{limit}_limit": PASSED[limit], f"safety__{limit}_action": action}

@@ -111,6 +111,7 @@ def test_nothing_is_cut_off_or_covered_and_all_text_has_8_points(data, number):
         assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [7, 13])
 def test_same_data_give_the_same_bytes_whatever_a_user_has_set(data, files, number, tmp_path):
     first = [path.read_bytes() for path in files[number]]

@@ -207,6 +207,7 @@ def hostile_records(record):
     yield "no floors", no_floors, histories | {"frequencies"}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("changes", [{}, YIELDING], ids=["linear", "yielding"])
 def test_whatever_is_in_a_record_there_is_a_report_that_says_what_cannot_be_shown(changes):

@@ -160,7 +160,7 @@ def test_run_near_its_margin_is_not_stopped(scheme):
     assert RthsLoop(config, EL_CENTRO).run().outcome == "finished"
 
 
-@pytest.mark.parametrize("factor", [1.05, 1.2, 1.5, 2.0])
+@pytest.mark.parametrize("factor", [1.2, *(pytest.param(f, marks=pytest.mark.slow) for f in (1.05, 1.5, 2.0))])
 @pytest.mark.parametrize("scheme", SCHEME_NAMES)
 def test_diverging_run_is_stopped_long_before_the_acceleration_limit(scheme, factor):
     config = Config().changed(run__scheme=scheme, safety__tracking_action="ignore")

@@ -6,6 +6,7 @@ Breda, Maset and Vermiglio 2005), and looks whether an eigenvalue enters the rig
 """
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -79,6 +80,7 @@ def test_differentiation_matrix_of_the_reference():
     assert np.abs(d @ np.sin(3.0 * x) - 3.0 * np.cos(3.0 * x)).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_a_thousand_random_loops_agree():
     disagreements, tried = [], 0
 

@@ -70,6 +70,7 @@ def test_parameters_are_those_that_enter_the_loop(uncompensated):
     assert set(compensated) == ALWAYS | SERVO | KALMAN | SHAPER | others
 
 
+@pytest.mark.slow
 def test_coefficients_that_are_0_or_a_leading_1_are_left_out():
     config = Config().changed(
         run__scheme="uc",
@@ -97,6 +98,7 @@ def test_largest_effect_is_first_and_is_that_of_the_gain_margins(uncompensated):
         assert margin == pytest.approx(base.gain_margins[name] / 0.9, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_is_not_allowed_says_so():
     entries = by_name(UNCOMPENSATED.changed(run__scheme="plc", command_shaper__w1=1.05, command_shaper__w2=0.5))
     for changed, problem in (
@@ -109,6 +111,7 @@ def test_what_is_not_allowed_says_so():
     assert entries["command_shaper.w1"].increased.assessment is not None
 
 
+@pytest.mark.slow
 def test_flipped_verdicts_are_marked():
     options = AnalysisOptions(modes=1)
     analyses = assess(UNCOMPENSATED, options).analyses.values()

@@ -267,6 +267,7 @@ def mutated(rng: random.Random, packets: list[bytes]) -> bytes:
     return bytes(data)
 
 
+@pytest.mark.slow
 def test_fuzz() -> None:
     """200,000 damaged packets give a valid value or `MalformedMessage`, never anything else."""
     rng = random.Random(1)

@@ -33,7 +33,7 @@ _FIRST_ANGLES = np.linspace(1e-6, np.pi, 129)
 #: Critical ratios nearer to each other than this, relatively, count as one.
 _SAME_RATIO = 1e-9
 #: A share of the shear below this is none but for rounding.
-_NO_SHARE = 1e-12
+_NO_SHARE = 1e-9
 
 
 def with_mass_ratio(config: Config, ratio: float) -> Config:
