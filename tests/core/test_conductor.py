@@ -4,15 +4,11 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.loop.conductor import (
-    LOCKSTEP_TIMEOUT,
-    LONGEST_LEAD,
     LOOK_PERIOD,
-    RECORDING_TIMEOUT,
     START_DELAY,
     Begun,
     Conductor,
 )
-from bmd_rths_core.loop.control_stage import ControlStage
 from bmd_rths_core.loop.peers import PEER_LOST_AFTER, Peer
 from bmd_rths_core.loop.states import NodeState, Outcome
 from bmd_rths_core.safety import Action, Trip
@@ -110,70 +106,6 @@ class Bench:
 
 def measured(step):
     return TableMeasurement(step, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(1))
-
-
-# ---- an interface control
-
-
-@pytest.mark.parametrize("order", ["force first", "measurement first"])
-def test_step_of_an_interface_control_closes_when_force_and_measurement_are_in(order):
-    bench = Bench(lockstep=True, closure=None)
-    bench.numerical.takes_feedback = False
-    bench.run(steps=1)
-    conductor = bench.conductor
-    for step in range(3):
-        begun = len(bench.begun)
-        for is_force in (order == "force first", order != "force first"):
-            conductor.poll(bench.now)
-            assert len(bench.begun) == begun
-            if is_force:
-                conductor.shear(step, 1.0, bench.now)
-            else:
-                conductor.measured(measured(step), bench.now)
-        conductor.poll(bench.now)
-        assert len(bench.begun) == begun + 1
-    assert [m.step for m in bench.numerical.learnt] == [0, 1, 2]
-
-
-def test_measurement_that_is_lost_misses_the_deadline_and_the_next_step_closes():
-    bench = Bench(closure=0.001)
-    bench.numerical.takes_feedback = False
-    bench.run(steps=1)
-    for step in range(5):
-        if step != 2:
-            bench.conductor.measured(measured(step), bench.now)
-        bench.run(steps=step + 2)
-    assert bench.timing.missed_steps == (2,)
-
-
-def test_feedback_needs_no_measurement():
-    bench = Bench(steps=3, lockstep=True)
-    bench.run()
-    assert bench.ended == (Outcome.FINISHED, "end of the ground motion")
-
-
-def test_late_measurement_is_not_passed_on_to_the_control():
-    stage = ControlStage(learnt := Learner(), np.zeros(5))
-    for step in range(3):
-        stage.step(0.0, 0.0)
-        stage.learn(measured(step - 1))
-        stage.learn(measured(step))
-    assert learnt.steps == [0, 1, 2]
-
-
-class Learner:
-    """An interface control that only writes down what it learns."""
-
-    preview = 1
-
-    def __init__(self):
-        self.steps = []
-
-    def step(self, ground_acceleration):
-        return None
-
-    def learn(self, measurement):
-        self.steps.append(measurement.step)
 
 
 # ---- the start gate
@@ -331,69 +263,6 @@ def test_last_step_misses_its_deadline_when_its_shear_is_not_back_at_the_end():
     bench.run()
     assert bench.ended[0] is Outcome.FINISHED
     assert bench.timing.missed_steps == (5,)
-
-
-# ---- lockstep
-
-
-def test_step_of_lockstep_begins_when_the_last_has_closed():
-    bench = Bench(steps=10, lockstep=True, closure=0.3)
-    bench.run()
-    assert np.diff(bench.times) == pytest.approx(0.3)
-    assert bench.numerical.fed_back == [0.0, *(10.0 * step for step in range(9))]
-    assert bench.ended[0] is Outcome.FINISHED
-    assert (bench.timing.missed_deadlines, bench.timing.late_ticks) == (0, 0)
-
-
-def test_step_of_lockstep_that_does_not_close_ends_the_test():
-    bench = Bench(lockstep=True, closure=lambda step: 0.001 if step < 4 else None)
-    bench.run()
-    assert bench.ended == (Outcome.FAILED, f"step 4 did not close within {LOCKSTEP_TIMEOUT:g} s")
-    assert bench.now - bench.times[4] == pytest.approx(LOCKSTEP_TIMEOUT)
-
-
-def test_older_shear_closes_no_step_of_lockstep():
-    bench = Bench(lockstep=True, closure=lambda step: 0.001 if step < 4 else None)
-    bench.run(steps=5)
-    bench.conductor.shear(3, 1.0, bench.now)
-    bench.run(until=bench.now + 1.0)
-    assert len(bench.begun) == 5
-
-
-class Recording(Bench):
-    """Lockstep with a recorder that has told of no steps yet."""
-
-    def __init__(self, steps):
-        super().__init__(steps=steps, lockstep=True, peers=("recorder",), recorder="recorder")
-        self.tell("recorder", READY)
-
-    def wait(self, seconds, recorded):
-        """Let the recorder live for a while."""
-        end = self.now + seconds
-        while self.now < end and self.conductor.state is not NodeState.ENDED:
-            self.run(until=self.now + LOOK_PERIOD)
-            self.tell("recorder", READY, recorded_steps=recorded)
-
-
-def test_lockstep_does_not_run_away_from_the_recorder():
-    bench = Recording(steps=LONGEST_LEAD + 300)
-    bench.wait(5.0, recorded=0)
-    assert bench.conductor.step == LONGEST_LEAD + 1
-    bench.tell("recorder", READY, recorded_steps=150)
-    bench.run(until=bench.now + 0.5)
-    assert bench.conductor.step == LONGEST_LEAD + 151
-    bench.tell("recorder", READY, recorded_steps=500)
-    bench.run()
-    assert bench.ended[0] is Outcome.FINISHED
-
-
-def test_recorder_that_stays_behind_ends_lockstep():
-    bench = Recording(steps=LONGEST_LEAD + 300)
-    bench.wait(RECORDING_TIMEOUT + 5.0, recorded=0)
-    assert bench.ended == (
-        Outcome.FAILED,
-        f"step {LONGEST_LEAD} was not recorded within {RECORDING_TIMEOUT:g} s",
-    )
 
 
 # ---- peers
