@@ -107,7 +107,8 @@ class StageNode(ManagedNode):
 
     def on_new_test(self) -> None:
         """Take part in the test that the numerical substructure has just offered."""
-        self._said = ""
+        if self.end_of_test.outcome:  # it follows another one, for which the same words were said
+            self._said = ""
         self.end_of_test = EndOfTest(self.config.run.record)
 
     def on_missed_beginning(self) -> None:
