@@ -116,19 +116,6 @@ def test_several_floors_give_the_power_of_all_dampers():
     assert found.value == pytest.approx(max(0.0, before + DT * power / (masses @ jerk**2)), rel=1e-9)
 
 
-def test_a_single_floor_gives_the_same_bits_as_the_products_of_several():
-    one, several = indicator(), indicator()
-    several._only = None
-    displacement, force = vibration(0.3, 1e-2, 0.5)
-    noise = np.random.default_rng(3).standard_normal((2, len(force)))
-    for step, (u, f) in enumerate(zip(displacement + 1e-5 * noise[0], force + 10.0 * noise[1], strict=True)):
-        for found in (one, several):
-            found.step(step, f, np.array([u]))
-        assert one.value == several.value
-        assert one._energy == several._energy
-    assert one.value > 0.0
-
-
 def largest_value(config, motion):
     """Return the record of a run that the indicator does not stop, and its largest value."""
     loop = RthsLoop(config.changed(safety__stability_limit=1e9), motion)

@@ -76,7 +76,7 @@ class MeasurementCheck:
             measurement.table_acceleration,
             measurement.actuator_force,
             measurement.base_shear,
-            sum(floors.tolist()) if len(floors) else math.nan,
+            float(floors.sum()) if len(floors) else math.nan,
         )
         for i, value in enumerate(values):
             if math.isfinite(value):

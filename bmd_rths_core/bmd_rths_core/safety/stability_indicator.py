@@ -56,14 +56,13 @@ class StabilityIndicator:
         self._share = min(1.0, time_step / config.stability_time)
         self._masses = np.asarray(masses, dtype=np.float64)
         self._damping = damping_matrix
-        self._only = (float(self._masses[0]), float(damping_matrix[0, 0])) if len(self._masses) == 1 else None
         self._floor = float(self._masses.sum()) * config.stability_floor**2
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
         self._displacements = [np.zeros(len(self._masses)) for _ in range(3)]
-        self._forces = self._last = (0.0, 0.0, 0.0)
+        self._forces = (0.0, 0.0, 0.0)
         self._power = self._energy = 0.0
         self.value = self.largest = 0.0
         self._tripped = False
@@ -88,13 +87,16 @@ class StabilityIndicator:
         if self._action is Action.IGNORE:
             return None
         dt = self._time_step
+        u1, u2, u3 = self._displacements
         f1, f2, f3 = self._forces
+        jerk = (displacements - u3 + 3.0 * (u2 - u1)) / dt**3
         force = 0.5 * (feedback_force - f1 - f2 + f3) / dt**2  # mean of this and the last second difference
+        u3[:] = displacements
+        self._displacements = [u3, u1, u2]
         self._forces = (feedback_force, f1, f2)
-        if self._only is None:
-            power, energy = self._of_all(force, displacements)
-        else:
-            power, energy = self._of_one(force, displacements, *self._only)
+        with np.errstate(over="ignore"):  # of a shear that is absurd; the supervisor refuses what follows from it
+            power = force * float(jerk[-1]) - float(jerk @ self._damping @ jerk)
+            energy = float(jerk @ (self._masses * jerk))
         self._power += self._share * (power - self._power)
         self._energy += self._share * (energy - self._energy)
         self.value = max(0.0, self.value + dt * self._power / (self._energy + self._floor))
@@ -103,20 +105,3 @@ class StabilityIndicator:
             return None
         self._tripped = True
         return Trip("safety.stability_limit", "1", "stability indicator", self.value, self._limit, step, self._action)
-
-    def _of_all(self, force: float, displacements: FloatArray) -> tuple[float, float]:
-        """Return power and energy of the second derivatives."""
-        u1, u2, u3 = self._displacements
-        jerk = (displacements - u3 + 3.0 * (u2 - u1)) / self._time_step**3
-        u3[:] = displacements
-        self._displacements = [u3, u1, u2]
-        with np.errstate(over="ignore"):  # of a shear that is absurd; the supervisor refuses what follows from it
-            power = force * float(jerk[-1]) - float(jerk @ self._damping @ jerk)
-            return power, float(jerk @ (self._masses * jerk))
-
-    def _of_one(self, force: float, displacements: FloatArray, mass: float, damping: float) -> tuple[float, float]:
-        """Return the same of a single floor, to the last bit, in a quarter of the time: the usual case."""
-        displacement, (u1, u2, u3) = float(displacements[0]), self._last
-        jerk = (displacement - u3 + 3.0 * (u2 - u1)) / self._time_step**3
-        self._last = (displacement, u1, u2)
-        return force * jerk - jerk * damping * jerk, jerk * (mass * jerk)
