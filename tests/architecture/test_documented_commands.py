@@ -70,8 +70,8 @@ def unknown_option(command, words):
             return word
         option = known.get(name)
         if option is not None and not option.is_flag and not value:
-            if len(rest) < option.nargs:
-                return f"{name} without a value"
+            if not rest:  # a page that names an option says no value
+                return None
             values, rest = rest[: option.nargs], rest[option.nargs :]
             choices = option.type.choices if isinstance(option.type, click.Choice) else values
             if values[0] not in choices and not _PLACEHOLDER.search(values[0]):
@@ -141,5 +141,5 @@ def test_what_a_page_gets_wrong_is_found():
     assert (ros, inline) == (["ros2", "run", "x", "y"], ["bmd-rths", "rum"])
     command = cli.get_command(None, "run")
     assert unknown_option(command, run[2:]) == "--compose"
-    assert unknown_option(command, ["--set"]) == "--set without a value"
+    assert unknown_option(command, ["--set"]) is None
     assert unknown_option(cli.get_command(None, "analyze"), ["bag", "--json"]) is None

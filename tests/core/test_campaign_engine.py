@@ -108,7 +108,8 @@ def test_limits_end_a_run_as_they_end_that_of_the_loop(limit, action):
         changes["safety__stability_floor"] = 1.0
     if limit == "velocity":  # the way to rest keeps it
         changes["safety__ramp_velocity"] = PASSED[limit]
-    (record, _) = assert_equal_to_the_loop(Config().changed(**changes), [selected(450), selected(200, peak=1e-3)])
+    steps = 900 if limit == "stability" else 450  # the window of the indicator has to fill
+    (record, _) = assert_equal_to_the_loop(Config().changed(**changes), [selected(steps), selected(200, peak=1e-3)])
     assert record.stable == (action in ("indicate", "ignore"))
     assert record.stable or f"safety.{limit}_limit" in record.reason
 
