@@ -246,6 +246,23 @@ def test_commands_reach_the_table_and_it_ends_at_rest(kind):
     assert_at_rest(world)
 
 
+def test_command_that_leaves_late_is_followed_by_the_next_a_step_later():
+    """A host that stands still between its look at the clock and its packet sends no two of them at once."""
+
+    class LeavingLate(Asynchronous):
+        def begin(self, command):
+            self.lag = 0.0047 if command.step == 102 else 0.0
+            return super().begin(command)
+
+    world = LeavingLate()
+    host = Host(world)
+    host.follow(sine())
+    host.driver.finish(Action.RAMP, world.now)
+    host.to_rest()
+    assert np.diff(world.times)[101:104] == pytest.approx([DT + 0.0047, DT, DT], abs=1e-9)
+    assert_at_rest(world)
+
+
 @pytest.mark.parametrize("kind", REAL)
 def test_refused_command_is_replaced_in_its_own_slot(kind):
     """Braking begins when the refused command would have, and not one step later."""

@@ -114,6 +114,7 @@ class TableDriver:
         self._due = math.inf  # of the next command on the way to rest
         # Until then the supervisor has followed the table; None before step 0.
         self._followed_until: float | None = None
+        self._sent_at = 0.0  # when the last command went out
         self._looks, self._excuses, self._looked_at = 0, 0, 0.0
 
     # ---- what the host asks for
@@ -257,6 +258,7 @@ class TableDriver:
     def _exchange(self, command: TableCommand, now: float) -> None:
         """Move the table for one step; its measurement comes now, later, or not at all."""
         self._followed_until = now + self._time_step
+        self._sent_at = now
         self._looks = self._excuses = 0
         measurement = None
         try:
@@ -266,6 +268,7 @@ class TableDriver:
                 sent_at = self._polled.begin(command)
                 if sent_at is not None and not self._by_steps:
                     self.supervisor.began_late(sent_at - now)
+                    self._sent_at = sent_at
         except NoAnswer:
             return
         except (OSError, RuntimeError) as error:
@@ -359,5 +362,6 @@ class TableDriver:
         if self._lockstep and self.state is not DriveState.HELD:
             self._due = now
         else:  # small delays do not add up, and large ones are never caught up with
-            small = now - self._due < 0.5 * self._time_step
-            self._due = (self._due if small else now) + self._time_step
+            sent_at = now if command is None else self._sent_at
+            small = sent_at - self._due < 0.5 * self._time_step
+            self._due = (self._due if small else sent_at) + self._time_step
