@@ -13,6 +13,7 @@ from bmd_rths_nodes.run.follower import (
     FAREWELL_TIME,
     HEARING_TIMEOUT,
     LONGEST_HEARING_TIMEOUT,
+    NEWS_TIMEOUT,
     RunFailed,
     RunFollower,
 )
@@ -105,11 +106,18 @@ def test_node_that_is_lost_of_a_run_that_is_never_heard_ends_it_soon(follow):
     assert when == pytest.approx(2.0 + HEARING_TIMEOUT, abs=0.2)
 
 
-def test_node_that_is_lost_before_the_test_ends_the_run_at_once(follow):
+def test_node_that_is_lost_before_the_test_ends_the_run_with_the_next_news(follow):
     waits = tells("numerical_substructure", NodeState.WAITING)
     outcome, _, when = follow(Run(at_1=waits, at_2=loses("shear_estimator")))
     assert outcome == LOST
-    assert when == pytest.approx(2.0, abs=0.2)
+    assert when == pytest.approx(2.0 + NEWS_TIMEOUT, abs=0.2)
+
+
+def test_node_that_is_lost_right_after_the_test_has_begun_leaves_its_bag(follow):
+    """It waited when it was last heard; its test had begun, which it tells a second later."""
+    waits = tells("numerical_substructure", NodeState.WAITING)
+    run = Run(at_1=waits, at_2=loses("shear_estimator"), at_3=RUNS, at_9=ENDS)
+    assert follow(run)[:2] == (Path("the_bag"), LOST)
 
 
 IDLE = "table controller: udp://127.0.0.1:5000 is idle: it was stopped or restarted"

@@ -25,6 +25,9 @@ START_TIMEOUT = 60.0
 HEARING_TIMEOUT = 4.0
 LONGEST_HEARING_TIMEOUT = 15.0
 
+#: The same of one that waited for others when it was last heard, once a second [s]: its test may have begun since.
+NEWS_TIMEOUT = 1.5
+
 #: Longest time until the recorder has closed its bag after the test was lost or interrupted [s], besides the way of the
 #: table to rest.
 CLOSING_TIMEOUT = 10.0
@@ -189,7 +192,9 @@ class RunFollower:
         self._hear_from = min(self._hear_from, now)
         there = self._processes.first_runs and NUMERICAL_SUBSTRUCTURE in self._monitor.nodes_there()
         longest = LONGEST_HEARING_TIMEOUT if there else HEARING_TIMEOUT
-        return self._state in ("", NodeState.READY) and now < self._hear_from + longest
+        if self._state == NodeState.WAITING:
+            longest = 0.0 if self._operator.asked else NEWS_TIMEOUT
+        return self._state in ("", NodeState.WAITING, NodeState.READY) and now < self._hear_from + longest
 
     def _excuse(self) -> str:
         """Return why the run could not be brought to an end."""
