@@ -11,6 +11,7 @@ import click
 from rich.progress import BarColumn, TextColumn
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.cli.analysed_bag import analysed_bag
 from bmd_rths_nodes.cli.error_tables import result_with_event, show_bags, show_error_tables
 from bmd_rths_nodes.cli.options import capture_option, check_writable, json_option, log, progress_bar
 from bmd_rths_nodes.cli.results import result_of, show
@@ -74,7 +75,7 @@ def analyze(
     with progress_bar(TextColumn("{task.description}"), BarColumn()) as progress:
         task = progress.add_task("reading", total=len(bags) + drawn)
         for bag in bags:
-            analysis = _analysed(bag, capture)
+            analysis = analysed_bag(bag, capture)
             results.append({**result_of(analysis), "bag": bag, "file": analysis.record.motion["source"]})
             configs.append(analysis.config)
             if drawn:  # otherwise many bags need no memory
@@ -129,16 +130,3 @@ def _write_figures(document: Document, folder: Path, only: str) -> list[Path]:
 
     names = [name.strip() for name in only.split(",") if name.strip()]
     return write_figures(document, folder, names)
-
-
-def _analysed(bag: str, capture: bool | None) -> RunAnalysis:
-    from bmd_rths_core.analysis.run_analysis import analysed
-    from bmd_rths_msgs_py.bag_reader import read_bag
-
-    record = read_bag(bag)
-    if record.outcome == "cut":
-        log(f"warning: {bag}: {record.reason}")
-    try:
-        return analysed(record, capture)
-    except InputError as error:
-        raise InputError(f"{bag}: configuration: {error}") from error

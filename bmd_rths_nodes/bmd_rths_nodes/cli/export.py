@@ -13,10 +13,10 @@ import click
 from rich.progress import BarColumn, TextColumn
 
 from bmd_rths_core.errors import InputError
+from bmd_rths_nodes.cli.analysed_bag import analysed_bag
 from bmd_rths_nodes.cli.options import json_option, log, progress_bar
 
 if TYPE_CHECKING:
-    from bmd_rths_core.analysis.run_analysis import RunAnalysis
     from bmd_rths_core.export.channels import ExportedRun
 
 #: Formats by the ending of the file, and what each needs besides.
@@ -134,20 +134,7 @@ def _names(bags: tuple[str, ...]) -> list[str]:
 def _exported(bag: str, name: str, capture: bool | None) -> ExportedRun:
     from bmd_rths_core.export.channels import exported_run
 
-    return exported_run(_analysed(bag, capture), name)
-
-
-def _analysed(bag: str, capture: bool | None) -> RunAnalysis:
-    from bmd_rths_core.analysis.run_analysis import analysed
-    from bmd_rths_msgs_py.bag_reader import read_bag
-
-    record = read_bag(bag)
-    if record.outcome == "cut":
-        log(f"warning: {bag}: {record.reason}")
-    try:
-        return analysed(record, capture)
-    except InputError as error:
-        raise InputError(f"{bag}: configuration: {error}") from error
+    return exported_run(analysed_bag(bag, capture), name)
 
 
 def _check_bundle(folder: Path) -> None:
