@@ -46,6 +46,8 @@ class TimingStatistics:
     closure_ms : Mapping of str to float
         ``p50``, ``p99`` and ``max`` of the time from the publication of the desired acceleration to the arrival of
         the corrected shear of the same step [ms].
+    closure_counts : tuple of int
+        How many of these times fell into each of so many equal parts of the time step; empty where it is not known.
     """
 
     missed_deadlines: int
@@ -53,6 +55,7 @@ class TimingStatistics:
     missed_steps: tuple[int, ...]
     late_ticks: int
     closure_ms: Mapping[str, float]
+    closure_counts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

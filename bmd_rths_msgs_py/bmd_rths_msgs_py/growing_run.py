@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from bmd_rths_core.analysis.limit_use import LimitWatch
-from bmd_rths_core.analysis.live_signals import GrowingColumns, LiveSignals
+from bmd_rths_core.analysis.live_signals import LiveSignals
 from bmd_rths_core.analysis.moving_tracking import MovingTracking
-from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.analysis.thinning import thinned
 from bmd_rths_core.config import Config, config_from_mapping
 from bmd_rths_core.record import TimingStatistics
@@ -21,7 +20,7 @@ from bmd_rths_msgs_py.bag_description import motion_of, read_object, read_timing
 from bmd_rths_msgs_py.bag_reader import step_of_stamp
 from bmd_rths_msgs_py.cdr import MalformedMessage, MeasurementCodec, ScalarCodec, count_floors
 from bmd_rths_msgs_py.node_status import NodeStatus, read_statuses
-from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DESIRED_ACCELERATION, DIAGNOSTICS, MEASUREMENT, SCALAR_TOPICS
+from bmd_rths_msgs_py.topics import DIAGNOSTICS, MEASUREMENT, SCALAR_TOPICS
 
 
 @dataclass(frozen=True)
@@ -95,8 +94,6 @@ class GrowingRun:
         self.outcome = self.reason = ""
         self.timing: TimingStatistics | None = None
         self._stamps = run.stamps
-        self._heard = GrowingColumns()
-        self._first_ns = 0
         self._unpack_measurement: Callable[[bytes], Any] | None = None
         self._unpack_scalar = ScalarCodec().unpack
         self._scalars = {topic.name for topic in SCALAR_TOPICS}
@@ -117,7 +114,7 @@ class GrowingRun:
             if topic == DIAGNOSTICS.full_name:
                 self._take_statuses(data, heard_ns)
             else:
-                self._take_signal(topic.rpartition("/")[2], data, heard_ns)
+                self._take_signal(topic.rpartition("/")[2], data)
                 self.last_signal = 1e-9 * heard_ns
         except MalformedMessage:
             self.malformed += 1
@@ -127,14 +124,11 @@ class GrowingRun:
         step = self.signals.complete
         self.told += [Told(step, 1e-9 * heard_ns, status) for status in read_statuses(data)]
 
-    def _take_signal(self, name: str, data: bytes, heard_ns: int) -> None:
+    def _take_signal(self, name: str, data: bytes) -> None:
         if name in self._scalars:
             stamp_ns, value = self._unpack_scalar(data)
             step = step_of_stamp(stamp_ns, self._stamps)
             self.signals.put(name, step, value)
-            if name in (DESIRED_ACCELERATION.name, CORRECTED_FORCE.name):
-                self._first_ns = self._first_ns or heard_ns
-                self._heard.put(name, step, 1e-9 * (heard_ns - self._first_ns))
         elif name == MEASUREMENT.name:
             if self._unpack_measurement is None:
                 self._unpack_measurement = MeasurementCodec(count_floors(data), self._stamps).unpack
@@ -170,23 +164,3 @@ class GrowingRun:
         ground = np.nan_to_num(self.signals.columns["ground_acceleration"][:steps])
         time, values = thinned(self.config.run.time_step * np.arange(steps, dtype=np.float64), ground)
         return time.tolist(), values.tolist()
-
-    def step_timing(self, steps: int) -> StepTiming | str:
-        """Return when the first steps began and closed on the clock of who heard them, or why there is none.
-
-        Parameters
-        ----------
-        steps : int
-            Number of steps that count.
-        """
-        if self.config.run.lockstep:
-            return "the test runs in lockstep, without deadlines"
-        if "rclpy" not in self.versions:
-            return "the test was simulated in process, without a clock"
-        begun, closed = self._heard[DESIRED_ACCELERATION.name][:steps], self._heard[CORRECTED_FORCE.name][:steps]
-        known = np.isfinite(begun) & np.isfinite(closed)
-        if not known.any():
-            return "no step has closed yet"
-        numbers = known.nonzero()[0].astype(float)
-        missed = () if self.timing is None else self.timing.missed_steps
-        return StepTiming(numbers, begun[known], closed[known], self.config.run.time_step, missed)

@@ -10,7 +10,6 @@ from bmd_rths_core import RthsLoop, load_config, select_ground_motion
 from bmd_rths_core.analysis.limit_use import WATCHED, LimitWatch
 from bmd_rths_core.analysis.live_signals import GrowingColumns, LiveSignals
 from bmd_rths_core.analysis.moving_tracking import MovingTracking
-from bmd_rths_core.analysis.step_timing import StepTiming
 from bmd_rths_core.analysis.supervised_peaks import largest_increment, largest_tracking_error
 from bmd_rths_core.analysis.table_peaks import table_peaks
 from bmd_rths_core.table.controller import TableMeasurement
@@ -158,15 +157,3 @@ def test_what_is_not_measured_is_not_a_number():
     assert all(math.isnan(use.peak) for use in watch.use(0, 0.5).values())
     watch.advance(signals, 50)
     assert all(math.isnan(use.now) and math.isnan(use.peak) for use in watch.use(50, 0.5).values())
-
-
-# ---- closure
-
-
-def test_every_step_is_counted_once():
-    begun = DT * np.arange(5.0)
-    closed = begun + 1e-3 * np.array([0.1, 0.26, 4.9, 5.1, 12.0])
-    edges, counts, beyond = StepTiming(np.arange(5.0), begun, closed, DT).closure_histogram()
-    assert (edges[:3], len(edges)) == ([0.0, 0.25, 0.5], 40)
-    assert {edges[i]: count for i, count in enumerate(counts) if count} == {0.0: 1, 0.25: 1, 4.75: 1, 5.0: 1}
-    assert beyond == 1

@@ -218,7 +218,7 @@ def test_green_only_where_all_bands_hold():
 
 
 def test_a_run_that_was_not_in_real_time_is_not_green():
-    few, many = DeadlineMonitor(40, 1.0), DeadlineMonitor(40, 1.0)
+    few, many = DeadlineMonitor(DT, 1.0), DeadlineMonitor(DT, 1.0)
     for monitor, missed in ((few, 0), (many, 20)):
         for step in range(missed):
             monitor.opened(step, 0.005 * step, 0.005 * (step + 1))

@@ -81,7 +81,7 @@ def test_pause_that_a_loop_at_200_hz_survives_ends_none(rate):
 @pytest.mark.parametrize("rate", RATES)
 def test_deadlines_may_be_missed_for_the_same_time(rate):
     config = at(rate)
-    monitor = DeadlineMonitor(1000, config.run.longest_miss_time)  # as the conductor makes it
+    monitor = DeadlineMonitor(config.run.time_step, config.run.longest_miss_time)  # as the conductor makes it
     for step in range(1000):
         now, deadline = step / rate, (step + 1) / rate
         monitor.expired(now)

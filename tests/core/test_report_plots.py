@@ -22,6 +22,7 @@ from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.plots.style import DOUBLE_COLUMN, style
 from bmd_rths_core.plots.svg import svg
+from bmd_rths_core.record import TimingStatistics
 from bmd_rths_core.report.document import Document, Folded, Paragraph, Picture, Section, Table
 from bmd_rths_core.report.figure_files import figures_of, write_figures
 from bmd_rths_core.report.pdf import _pieces, _sheets, write_pdf
@@ -86,7 +87,11 @@ def run():
     steps = np.arange(1600.0)
     begun = 0.005 * steps
     closed = begun + 1e-3 * np.random.default_rng(0).gamma(4.0, 0.4, size=1600)
-    return ReportedRun(analysed(record), StepTiming(steps, begun, closed, 0.005, (100, 101)))
+    told = TimingStatistics(2, 2, (100, 101), 0, {"p50": 1.6, "p99": 4.0, "max": 4.9}, tuple(range(40)))
+    hops = {"command": 1e3 * (closed - begun)}
+    return ReportedRun(
+        analysed(dataclasses.replace(record, timing=told)), StepTiming(steps, begun, closed, 0.005, (100, 101), hops)
+    )
 
 
 @pytest.fixture(scope="module")

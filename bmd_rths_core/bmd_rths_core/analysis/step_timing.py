@@ -1,8 +1,9 @@
-"""Timing of a run on the wall clock, as the recorder saw it."""
+"""Timing of a run on the wall clock, by when its messages were sent."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +13,21 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StepTiming:
-    """When the messages of the steps reached the recorder.
+    """When the messages of the steps were sent.
 
     Parameters
     ----------
     steps : ndarray, shape (N,)
-        Indices of the steps whose desired acceleration and corrected shear both reached it.
+        Indices of the steps whose desired acceleration and corrected shear were both recorded.
     begun, closed : ndarray, shape (N,)
-        When they did, from the first of them [s].
+        When these were sent, from the first of them [s].
     time_step : float
         Δt, the deadline [s].
     missed_steps : tuple of int
         Steps that missed their deadline, as the numerical substructure counted.
+    hops_ms : Mapping of str to ndarray, shape (M,)
+        For each message of a step in its order, named as its topic, the time since the one before was sent [ms]. Empty
+        where the nodes of the loop share a process: they send nothing before the step is over.
     """
 
     steps: FloatArray
@@ -31,35 +35,15 @@ class StepTiming:
     closed: FloatArray
     time_step: float
     missed_steps: tuple[int, ...] = ()
+    hops_ms: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
-    def closure_ms(self) -> FloatArray:
-        """Time from the desired acceleration to the corrected shear, at the recorder [ms]."""
+    def sent_ms(self) -> FloatArray:
+        """Time from the desired acceleration to the corrected shear of a step [ms]: closure, but for the last hop."""
         return 1e3 * (self.closed - self.begun)
 
     @property
     def period_ms(self) -> FloatArray:
-        """Time between the beginnings of neighbouring steps, at the recorder [ms]."""
+        """Time between the beginnings of neighbouring steps [ms]."""
         following = np.diff(self.steps) == 1
         return np.asarray(1e3 * np.diff(self.begun)[following])
-
-    def closure_histogram(self, bins: int = 40) -> tuple[list[float], list[int], int]:
-        """Count the steps by their closure.
-
-        Parameters
-        ----------
-        bins : int
-            Number of bins up to twice the deadline.
-
-        Returns
-        -------
-        edges_ms : list of float
-            Lower edges of the bins [ms].
-        counts : list of int
-            Steps in each.
-        beyond : int
-            Steps that took longer than twice the deadline.
-        """
-        closure, end = self.closure_ms, 2e3 * self.time_step
-        counts, edges = np.histogram(np.clip(closure, 0.0, None), bins=bins, range=(0.0, end))
-        return edges[:-1].tolist(), counts.tolist(), int(np.count_nonzero(closure > end))

@@ -133,7 +133,7 @@ class Conductor:
         self._numerical.reset()
         if self._indicator is not None:
             self._indicator.reset()
-        self.deadlines = DeadlineMonitor(len(self._ground), self._longest_miss)
+        self.deadlines = DeadlineMonitor(self._time_step, self._longest_miss)
         self.state = NodeState.WAITING
         self.outcome: Outcome | None = None
         self.reason = ""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
+from bmd_rths_core.loop.closure_times import ClosureTimes
 from bmd_rths_core.record import TimingStatistics
 
 
@@ -17,8 +16,8 @@ class DeadlineMonitor:
 
     Parameters
     ----------
-    steps : int
-        Number of steps of the run.
+    time_step : float
+        Δt [s].
     longest_miss : float
         Time without a shear that was back in time that is tolerated [s].
 
@@ -28,8 +27,8 @@ class DeadlineMonitor:
         Steps that began so long after they were due that the schedule moved.
     """
 
-    def __init__(self, steps: int, longest_miss: float) -> None:
-        self._closure = np.full(steps, np.nan)
+    def __init__(self, time_step: float, longest_miss: float) -> None:
+        self._closures = ClosureTimes(time_step)
         self._tolerated = longest_miss
         self._step = -1
         self._opened_at = 0.0
@@ -96,7 +95,7 @@ class DeadlineMonitor:
         if time >= self._deadline:
             self._miss()
         else:
-            self._closure[step] = time - self._opened_at
+            self._closures.add(time - self._opened_at)
             self._consecutive = 0
             self._missing_since = math.inf
         self._open = False
@@ -122,12 +121,12 @@ class DeadlineMonitor:
 
     def statistics(self) -> TimingStatistics:
         """Return the statistics so far; closure times are NaN when no step has closed in time."""
-        closed = 1e3 * self._closure[np.isfinite(self._closure)]
-        p50, p99, longest = np.percentile(closed, [50, 99, 100]).tolist() if len(closed) else [float("nan")] * 3
+        p50, p99 = (self._closures.percentile(percent) for percent in (50.0, 99.0))
         return TimingStatistics(
             missed_deadlines=len(self._missed),
             max_consecutive_misses=self._longest,
             missed_steps=tuple(self._missed),
             late_ticks=self.late_ticks,
-            closure_ms={"p50": p50, "p99": p99, "max": longest},
+            closure_ms={"p50": 1e3 * p50, "p99": 1e3 * p99, "max": 1e3 * self._closures.longest},
+            closure_counts=self._closures.counts,
         )

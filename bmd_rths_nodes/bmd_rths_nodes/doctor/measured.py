@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.errors import InputError
+from bmd_rths_core.record import TimingStatistics
 from bmd_rths_msgs_py.topics import NAMESPACE, ROLES
 from bmd_rths_nodes.doctor.finding import GOOD, NOTE, PROBLEM, WARNING, Finding
 
@@ -23,7 +24,7 @@ from bmd_rths_nodes.doctor.finding import GOOD, NOTE, PROBLEM, WARNING, Finding
 TIMER_TIME = 2.0
 
 #: Rates that are judged besides that of the test [Hz].
-RATES = (100, 200, 250, 400, 500, 1000)
+RATES = (250, 400, 500, 1000, 2000)
 
 #: Share of the time step that a wake-up may be late.
 _LATE = 0.2
@@ -130,18 +131,17 @@ class LoopRun(NamedTuple):
     ----------
     rate : float
         [Hz].
-    steps, missed : int
-        Steps that were run, and deadlines that were missed.
-    closure_ms : list of float
-        Closure of every step at the recorder [ms].
+    steps : int
+        Steps that were run.
+    timing : TimingStatistics
+        Deadlines that were missed, and how long the steps took to close.
     outcome : str
         How it ended, and why if it did not finish.
     """
 
     rate: float
     steps: int
-    missed: int
-    closure_ms: list[float]
+    timing: TimingStatistics
     outcome: str
 
 
@@ -161,7 +161,6 @@ def run_loop(config: Config, duration: float) -> LoopRun:
         It does not run.
     """
     from bmd_rths_msgs_py.bag_reader import read_bag
-    from bmd_rths_msgs_py.bag_timing import read_timing_of_steps
 
     config = config.changed(
         table__controller="simulated",
@@ -186,11 +185,10 @@ def run_loop(config: Config, duration: float) -> LoopRun:
         if "bag" not in told:
             raise InputError((done.stderr.strip().splitlines() or ["the test did not run"])[-1].removeprefix("error: "))
         record = read_bag(told["bag"])
-        timing = read_timing_of_steps(record)
-    closure = [] if isinstance(timing, str) else timing.closure_ms.tolist()
-    missed = 0 if record.timing is None else record.timing.missed_deadlines
     outcome = record.outcome if record.outcome == "finished" else f"{record.outcome}: {record.reason}"
-    return LoopRun(1.0 / record.time_step, record.steps, missed, closure, outcome)
+    if record.timing is None:
+        raise InputError(f"{outcome}; it told nothing of its deadlines")
+    return LoopRun(1.0 / record.time_step, record.steps, record.timing, outcome)
 
 
 def _told(text: str) -> dict[str, Any]:
@@ -202,37 +200,35 @@ def _told(text: str) -> dict[str, Any]:
 
 
 def late_at(run: LoopRun, rate: float, jitter: Jitter) -> int:
-    """Return how many of its steps would have been late at another rate: closure and wake-up longer than a step."""
-    return sum(closure + jitter.p99 > 1e3 / rate for closure in run.closure_ms)
+    """Return how many of its steps would have been late at a higher rate: closure and wake-up longer than a step."""
+    counts = run.timing.closure_counts
+    longest = [1e3 / run.rate * (part + 1) / len(counts) for part in range(len(counts))]
+    late = (count for count, closure in zip(counts, longest, strict=True) if closure + jitter.p99 > 1e3 / rate)
+    return run.timing.missed_deadlines + sum(late)
 
 
 def loop_finding(run: LoopRun) -> Finding:
     """Judge how a test ran."""
-    closure = ""
-    if run.closure_ms:
-        p50, p99 = percentile(run.closure_ms, 50), percentile(run.closure_ms, 99)
-        closure = f", closure p50 {p50:.2f}, p99 {p99:.2f}, largest {max(run.closure_ms):.2f} ms"
-    found = f"{run.missed} of {run.steps} deadlines missed at {run.rate:g} Hz{closure}"
+    missed, closure = run.timing.missed_deadlines, run.timing.closure_ms
+    found = f"{missed} of {run.steps} deadlines missed at {run.rate:g} Hz"
+    if any(run.timing.closure_counts):
+        found += ", closure p50 {p50:.2f}, p99 {p99:.2f}, largest {max:.2f} ms".format(**closure)
     if run.outcome != "finished":
         return Finding("loop", PROBLEM, f"{found}; {run.outcome}", "end other work, or a longer run.time_step")
-    if run.missed > 0.01 * run.steps:
+    if missed > 0.01 * run.steps:
         return Finding("loop", PROBLEM, found, "end other work, or a longer run.time_step")
-    if run.missed:
+    if missed:
         return Finding("loop", WARNING, found, "end other work; the last shear is held in a step that is late")
     return Finding("loop", GOOD, found)
 
 
 def verdict(run: LoopRun, jitter: Jitter) -> str:
     """Say in plain words which rate this computer holds, with how many misses."""
-    holds = run.outcome == "finished" and run.missed <= 0.01 * run.steps
-    words = f"This computer {'holds' if holds else 'does not hold'} {run.rate:g} Hz with composed nodes: "
-    words += f"{run.missed} of {run.steps} deadlines missed"
-    if not run.closure_ms:
-        return f"{words}."
-    late = {rate: late_at(run, rate, jitter) for rate in RATES if rate != run.rate}
-    held = [rate for rate, count in late.items() if count <= 0.01 * len(run.closure_ms)]
-    fastest = max(held, default=None)
-    if fastest is None or (holds and fastest < run.rate):
-        slower = "" if holds else " No rate of at least 100 Hz is held."
-        return f"{words}.{slower}"
-    return f"{words}. By the same closure times, {fastest:g} Hz would have {late[fastest]} late."
+    missed = run.timing.missed_deadlines
+    told = f"{run.rate:g} Hz with composed nodes: {missed} of {run.steps} deadlines missed."
+    if run.outcome != "finished" or missed > 0.01 * run.steps:
+        return f"This computer does not hold {told} Look again with a longer run.time_step."
+    late = {rate: late_at(run, rate, jitter) for rate in RATES if rate > run.rate}
+    fastest = max((rate for rate, count in late.items() if count <= 0.01 * run.steps), default=None)
+    further = "" if fastest is None else f" By the same closure times, {fastest:g} Hz would have {late[fastest]} late."
+    return f"This computer holds {told}{further}"

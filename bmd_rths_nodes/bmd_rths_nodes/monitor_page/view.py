@@ -15,7 +15,7 @@ from bmd_rths_msgs_py.growing_run import GrowingRun, Told
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE
 from bmd_rths_nodes.monitor_page.banner import ALARM, Banner, banner, looking_back, no_run
 from bmd_rths_nodes.monitor_page.events import EventLog
-from bmd_rths_nodes.run.graph_state import number, take_snapshot
+from bmd_rths_nodes.run.graph_state import number, numbers, take_snapshot
 
 #: Longest time that signals are sent of [s].
 LONGEST_SPAN = 60.0
@@ -88,7 +88,7 @@ class RunView:
             "tracking": _tracking(run, begin, shown * time_step),
             "stability": _stability(told, begin, time_step),
             "limits": _limits(run, shown, told),
-            "closure": _closure(run, shown),
+            "closure": _closure(run, told),
             "snapshot": _snapshot(told, now),
             "events": [event.as_mapping() for event in self._events.events if event.step <= shown][-MOST_EVENTS:],
         }
@@ -187,9 +187,17 @@ def _limit(words: str, unit: str, use: Mapping[str, float], action: Action) -> d
     return {"words": words, "unit": unit, **plainly, "watched": action is not Action.IGNORE}
 
 
-def _closure(run: GrowingRun, steps: int) -> dict[str, Any]:
-    timing = run.step_timing(steps)
-    if isinstance(timing, str):
-        return {"why": timing}
-    edges, counts, beyond = timing.closure_histogram()
-    return {"edges_ms": edges, "counts": counts, "beyond": beyond, "deadline_ms": 1e3 * timing.time_step}
+def _closure(run: GrowingRun, told: Iterable[Told]) -> dict[str, Any]:
+    """Return how long the steps took to close, as the numerical substructure counted, or why that is not known."""
+    if run.config.run.lockstep:
+        return {"why": "the test runs in lockstep, without deadlines"}
+    if "rclpy" not in run.versions:
+        return {"why": "the test was simulated in process, without a clock"}
+    values = next((t.status.values for t in reversed([*told]) if "closure_counts" in t.status.values), {})
+    counts = numbers(values.get("closure_counts"))
+    late = number(values.get("missed_deadlines"))
+    if not any(counts) and not late:
+        return {"why": "nothing was told of it yet"}
+    deadline = 1e3 * run.config.run.time_step
+    edges = [deadline * part / len(counts) for part in range(len(counts))]
+    return {"edges_ms": edges, "counts": counts, "late": late or 0, "deadline_ms": deadline}

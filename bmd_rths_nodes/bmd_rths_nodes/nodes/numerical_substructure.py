@@ -127,6 +127,7 @@ class NumericalSubstructureNode(StageNode):
             "max_consecutive_misses": str(timing.max_consecutive_misses),
             "late_ticks": str(timing.late_ticks),
             **{f"closure_ms_{name}": repr(value) for name, value in timing.closure_ms.items()},
+            "closure_counts": json.dumps(timing.closure_counts),
             "stability_indicator": f"{self._stability_indicator.value:.3g}",
             "outcome": str(conductor.outcome or ""),
             "waiting_for": ", ".join(conductor.waiting_for),

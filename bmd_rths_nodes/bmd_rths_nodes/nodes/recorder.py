@@ -35,6 +35,7 @@ from bmd_rths_msgs_py.topics import (
 )
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.agreement import with_motion
+from bmd_rths_nodes.ros.connections import MessageTimes, RawHandler
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
@@ -213,16 +214,16 @@ class RecorderNode(StageNode):
     def _bag_was_opened(self) -> bool:
         return self.configured and bool(self._bag)
 
-    def _recorder_of(self, topic: Topic) -> Callable[[bytes], None]:
+    def _recorder_of(self, topic: Topic) -> RawHandler:
         """Return the function that records the messages of a topic and counts those that did not come."""
         name, stamps = topic.name, self.config.run.stamps
         full_name = topic.full_name_in(self.get_namespace())
         lockstep = self.config.run.lockstep
 
-        def on_message(data: bytes) -> None:
+        def on_message(data: bytes, sent: MessageTimes) -> None:
             if self._writer is None:
                 return
-            self._record(full_name, topic, data)
+            self._record(full_name, topic, data, sent)
             self._note_message()
             try:
                 step = stamps.step_under_way(read_stamp(data))
@@ -236,13 +237,13 @@ class RecorderNode(StageNode):
 
         return on_message
 
-    def _recorder_of_the_way_to_rest(self, topic: Topic) -> Callable[[bytes], None]:
+    def _recorder_of_the_way_to_rest(self, topic: Topic) -> RawHandler:
         """Return the function that records what follows a test; what precedes its steps is of an earlier one."""
         full_name = topic.full_name_in(self.get_namespace())
 
-        def on_message(data: bytes) -> None:
+        def on_message(data: bytes, sent: MessageTimes) -> None:
             if self._writer is not None and self.order.steps > 0:
-                self._record(full_name, topic, data)
+                self._record(full_name, topic, data, sent)
                 self._note_message()
 
         return on_message
@@ -252,9 +253,9 @@ class RecorderNode(StageNode):
         self._quiet_looks = 0
         self.order.steps += 1
 
-    def _record_diagnostics(self, data: bytes) -> None:
+    def _record_diagnostics(self, data: bytes, sent: MessageTimes) -> None:
         if not is_of_others(data, self.get_namespace()):
-            self._record(DIAGNOSTICS.name, DIAGNOSTICS, data)
+            self._record(DIAGNOSTICS.name, DIAGNOSTICS, data, sent)
 
     @property
     def free(self) -> bool:
@@ -294,10 +295,11 @@ class RecorderNode(StageNode):
         self._close("failed", problem, None)
         super().on_disturbance(problem)
 
-    def _record(self, name: str, topic: Topic, data: bytes) -> None:
+    def _record(self, name: str, topic: Topic, data: bytes, sent: MessageTimes) -> None:
         now = time.time_ns()
+        sent_ns = sent["source_timestamp"] or now  # 0 of a middleware that does not tell
         writer = self._writer
-        if writer is not None and self._guarded(lambda: writer.write(name, topic.type_name, data, now, now)):
+        if writer is not None and self._guarded(lambda: writer.write(name, topic.type_name, data, now, sent_ns)):
             self._messages += 1
 
     def _guarded(self, action: Callable[[], None]) -> bool:
@@ -339,6 +341,7 @@ def _timing(values: Mapping[str, str]) -> TimingStatistics | None:
             missed_steps=tuple(int(step) for step in json.loads(values["missed_steps"])),
             late_ticks=int(values["late_ticks"]),
             closure_ms={name: float(values[f"closure_ms_{name}"]) for name in ("p50", "p99", "max")},
+            closure_counts=tuple(int(count) for count in json.loads(values.get("closure_counts", "[]"))),
         )
     except (KeyError, TypeError, ValueError, RecursionError):
         return None

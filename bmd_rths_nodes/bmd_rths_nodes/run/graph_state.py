@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -118,3 +119,19 @@ def number(text: str | None) -> float | int | None:
     if not math.isfinite(value):
         return None
     return int(value) if value.is_integer() else value
+
+
+def numbers(text: str | None) -> list[int]:
+    """Return a list of numbers; an empty one for what is none.
+
+    Parameters
+    ----------
+    text : str or None
+        What was told, as JSON.
+    """
+    try:
+        found = json.loads(text or "[]")
+    except ValueError:
+        return []
+    whole = isinstance(found, list) and all(type(value) is int and value >= 0 for value in found)
+    return found if whole else []

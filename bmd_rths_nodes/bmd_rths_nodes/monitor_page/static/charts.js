@@ -93,12 +93,11 @@ function synchronised(v) {
   return [x, [-top, ...pairs.map(() => null), top], [null, ...pairs.map((pair) => pair[1]), null]];
 }
 
-function histogram({ edges_ms, counts, beyond, deadline_ms }) {
-  const width = edges_ms[1] - edges_ms[0];
-  const x = [...edges_ms, edges_ms.at(-1) + width, edges_ms.at(-1) + 2 * width];
-  const all = [...counts, beyond, 0].map((count) => count || null);
-  const late = (i) => x[i] >= deadline_ms - 1e-9;
-  return [x, all.map((count, i) => (late(i) ? null : count)), all.map((count, i) => (late(i) ? count : null))];
+/** Steps by their closure; those that were late stand in two parts behind the deadline. */
+function histogram({ edges_ms, counts, late, deadline_ms }) {
+  const width = deadline_ms / Math.max(counts.length, 1), none = edges_ms.map(() => null);
+  const x = [...edges_ms, deadline_ms, deadline_ms + width, deadline_ms + 2 * width];
+  return [x, [...counts.map((count) => count || null), null, null, null], [...none, late || null, late || null, null]];
 }
 
 /** Why a chart cannot be drawn, if it cannot. */
