@@ -16,6 +16,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Some hundred processes are started: none of them shall compile the sources again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# Helpers that tests share say what was compared, as tests do.
+pytest.register_assert_rewrite("tests.clock", "tests.core", "tests.faults", "tests.msgs", "tests.nodes")
+
 # How long an example takes says more about what else the machine does than about the code.
 settings.register_profile("bmd_rths", deadline=None)
 settings.load_profile("bmd_rths")
