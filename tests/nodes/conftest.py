@@ -21,7 +21,9 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 
 from bmd_rths_nodes.cli.main import main
+from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
+from tests.nodes.scripted_controller import REAL_TIME, Script
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
@@ -193,6 +195,25 @@ def client(domain):
     executor.shutdown()
     node.destroy_node()
     context.try_shutdown()
+
+
+@pytest.fixture
+def scripted():
+    """Make a connected table whose commands are answered by a function."""
+    made = []
+
+    def make(on_command, config=REAL_TIME):
+        script = Script(on_command)
+        table = make_table_controller(
+            config.changed(table__address=f"udp://127.0.0.1:{script.socket.getsockname()[1]}")
+        )
+        made.extend((table, script))
+        table.connect()
+        return table, script
+
+    yield make
+    for one in made:
+        one.close()
 
 
 def change_state(client, transition, role="command_shaper"):
