@@ -23,7 +23,6 @@ Random = np.random.Generator
 #: Steps between which a fault begins.
 FIRST, LAST = 60, 150
 
-
 #: What is told when a node of the loop falls silent: by the numerical substructure, the table driver or the recorder.
 _SILENCE = (
     MISSES,

@@ -15,7 +15,6 @@ from tests.nodes.scripted_controller import REAL_TIME, answer_to, counts
 
 # ---- lockstep
 
-
 FAULTS = ("loss=15", "duplicates=15", "bit_flips=10", "jitter=1", "reordering=2")
 
 
