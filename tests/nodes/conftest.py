@@ -20,6 +20,8 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 
+from bmd_rths_core import RthsLoop, load_config, select_ground_motion
+from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.main import main
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
@@ -166,6 +168,26 @@ def composed_run(tmp_path_factory):
     assert result.status == 0, result.errors
     result.told = json.loads(result.output)
     return result
+
+
+@pytest.fixture(scope="session")
+def simulated():
+    """Simulate three seconds in process, once."""
+    config = load_config(CONFIG).changed(ground_motion__duration=3.0)
+    return RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+
+
+@pytest.fixture(scope="session")
+def campaign_folder(simulated, tmp_path_factory):
+    """Make the folder of a campaign with one bag that is kept and one that is not; nobody changes it."""
+    folder = tmp_path_factory.mktemp("campaign")
+    write_record(simulated, folder / "bags" / "el_centro_1940_ns_plc_fc_0123456789ab")
+    (folder / "campaign.csv").write_text(
+        "key,motion,scheme,variation,outcome,verdict,rmse_substructure_percent\n"
+        "0123456789abcdef,el_centro_1940_ns,plc_fc,'=1+1,finished,good,12.5\n"
+        "fedcba9876543210,el_centro_1940_ns,uc,{},limit,bad,\n"
+    )
+    return folder
 
 
 @pytest.fixture
