@@ -170,6 +170,19 @@ def composed_run(tmp_path_factory):
     return result
 
 
+@pytest.fixture
+def records(tmp_path):
+    """Write two records of saw teeth, 0.8 s long, and a file that is none."""
+    folder = tmp_path / "records"
+    folder.mkdir()
+    motion = "time_s,acceleration_g\n" + "".join(f"{0.01 * i:.2f},{{}}\n" for i in range(80))
+    for name, factor in (("kobe", 1), ("other", -2)):
+        values = [f"{factor * (i % 20 - 10) / 100:.3f}" for i in range(80)]
+        (folder / f"{name}.csv").write_text(motion.format(*values))
+    (folder / "README.md").write_text("Records\n")
+    return folder
+
+
 @pytest.fixture(scope="session")
 def simulated():
     """Simulate three seconds in process, once."""
