@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,8 +14,9 @@ from hypothesis import settings
 
 # As the programs do, before numpy is imported: on a busy machine the threads of the linear algebra wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Some hundred processes are started: none of them shall compile the sources again.
+# Some hundred processes are started: none of them shall compile the sources again, nor the next run the tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Helpers that tests share say what was compared, as tests do.
 pytest.register_assert_rewrite("tests.clock", "tests.core", "tests.faults", "tests.msgs", "tests.nodes")
