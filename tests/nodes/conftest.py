@@ -25,6 +25,7 @@ from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.main import main
 from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
+from tests.conftest import made_once
 from tests.nodes.scripted_controller import REAL_TIME, Script
 
 ROOT = Path(__file__).parents[2]
@@ -101,17 +102,15 @@ class Child:
     def interrupt(self):
         self.process.send_signal(signal.SIGINT)
 
-    def wait_for_words(self, words, timeout=60.0):
-        """Wait until it has written something to standard error; show what it wrote instead, if it did not."""
-
-        def written():
-            ended = self.process.poll() is not None
-            return words in self.errors.read_text() or ended
-
+    def wait_for(self, condition, timeout=60.0):
+        """Wait until something is so; show what it wrote to standard error, if it is not or it has ended before."""
         with suppress(AssertionError):
-            wait_until(written, timeout)
-        told = self.errors.read_text()
-        assert words in told, f"status {self.process.poll()}:\n{told}"
+            wait_until(lambda: condition() or self.process.poll() is not None, timeout)
+        assert condition(), f"status {self.process.poll()}:\n{self.errors.read_text()}"
+
+    def wait_for_words(self, words, timeout=60.0):
+        """Wait until it has written something to standard error."""
+        self.wait_for(lambda: words in self.errors.read_text(), timeout)
 
 
 def end(children):
@@ -153,9 +152,15 @@ def bmd_rths(start):
 def composed_run(tmp_path_factory):
     """Run three seconds in lockstep in two processes, once, for tests that only look at what came of it.
 
-    Status, output and errors, and what was `told` as JSON; nobody changes the bag.
+    Output and errors, and what was `told` as JSON; nobody changes the bag.
     """
-    folder = tmp_path_factory.mktemp("composed")
+    folder = made_once(tmp_path_factory, "composed", _run_composed)
+    result = SimpleNamespace(output=(folder / "stdout.txt").read_text(), errors=(folder / "stderr.txt").read_text())
+    result.told = json.loads(result.output)
+    return result
+
+
+def _run_composed(folder):
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", folder, "--json")
     with _free_domain() as number:
         own = {"ROS_DOMAIN_ID": str(number), RANGE: "LOCALHOST"}
@@ -166,8 +171,6 @@ def composed_run(tmp_path_factory):
         finally:
             end([child])
     assert result.status == 0, result.errors
-    result.told = json.loads(result.output)
-    return result
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from bmd_rths_core.config import Config, dump_config
 from bmd_rths_core.table.wire import Interlock
 from bmd_rths_msgs_py.bag_reader import read_bag
 from tests.conftest import WITHOUT_LIMITS
-from tests.nodes.conftest import CONFIG, processes_of_domain, recorded, wait_until
+from tests.nodes.conftest import CONFIG, processes_of_domain, recorded
 from tests.nodes.emulation import LOCKSTEP, emulator
 
 #: Long steps, no limits and a way to rest of many seconds, so that a busy machine does not end the test, and a second
@@ -63,7 +63,7 @@ def test_second_ctrl_c_is_an_emergency_stop(bmd_rths, tmp_path, domain, controll
         child = bmd_rths(
             "run", CONFIG, "--table", table, *options, *arguments(**SLOW), "--output", tmp_path / "bags", "--json"
         )
-        wait_until(lambda: begun(tmp_path / "bags"))
+        child.wait_for(lambda: begun(tmp_path / "bags"))
         child.interrupt()
         child.wait_for_words("table driver: the table is brought to rest, after step")
         child.interrupt()
@@ -93,7 +93,7 @@ def test_one_ctrl_c_brings_a_table_on_the_network_to_rest_without_its_interlock(
             *("run", CONFIG, "--composed", "--table", config.table.address, *arguments(**quick)),
             *("--output", tmp_path / "bags", "--json"),
         )
-        wait_until(lambda: begun(tmp_path / "bags"))
+        child.wait_for(lambda: begun(tmp_path / "bags"))
         child.interrupt()
         result = child.wait(60.0)
         assert server.statistics()["state"] == "idle"
@@ -109,7 +109,7 @@ def test_run_waits_for_a_way_to_rest_of_many_seconds_and_records_its_end(bmd_rth
     """Where the test is stopped the table is some 80 mm off: longer than the recorder is waited for at rest."""
     ramp = SLOW | {"safety__ramp_acceleration": 5.0, "safety__ramp_velocity": 0.012}
     child = bmd_rths("run", CONFIG, "--composed", *arguments(**ramp), "--output", tmp_path / "bags", "--json")
-    wait_until(lambda: recorded(tmp_path / "bags", 130_000))
+    child.wait_for(lambda: recorded(tmp_path / "bags", 130_000))
     child.interrupt()
     result = child.wait()
     assert result.status == 1
@@ -138,7 +138,7 @@ def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(star
         start("-m", f"bmd_rths_nodes.nodes.{module}", "--ros-args", "--params-file", tmp_path / "parameters.yaml")
         for module in modules
     ]
-    wait_until(lambda: recorded(tmp_path / "bags", 130_000))
+    nodes[0].wait_for(lambda: recorded(tmp_path / "bags", 130_000))
     for node in nodes:
         node.interrupt()
     assert [node.wait(60.0).status for node in nodes] == [0, 0]
@@ -151,7 +151,7 @@ def test_nodes_that_are_ended_by_a_signal_record_the_way_to_rest_to_its_end(star
 @pytest.mark.slow
 def test_third_ctrl_c_does_not_wait_for_a_table_driver_that_hangs(bmd_rths, tmp_path, domain):
     child = bmd_rths("run", CONFIG, *arguments(**SLOW), "--output", tmp_path / "bags", "--json")
-    wait_until(lambda: begun(tmp_path / "bags"))
+    child.wait_for(lambda: begun(tmp_path / "bags"))
     (driver,) = (pid for pid, command in processes_of_domain(domain).items() if "table_driver" in command)
     os.kill(driver, signal.SIGSTOP)
     child.interrupt()

@@ -224,9 +224,11 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
 def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop(client, driver):
     """With a way to rest of many seconds, on which a driver that ends does not answer its services any more."""
     with emulator(LOCKSTEP.changed(run__lockstep=False, virtual_controller__watchdog=10.0)) as (server, config):
-        slow = ("run.lockstep:=false", "safety.ramp_velocity:=0.001", "safety.stale_shear_time:=500")
+        # On a busy machine answers are lost, and a command is held for a second.
+        patient = ("safety.stale_shear_time:=500", "safety.stale_controller_time:=500")
+        slow = ("run.lockstep:=false", "safety.ramp_velocity:=0.001", *patient)
         table = driver("table.controller:=udp", f"table.address:={config.table.address}", *slow)
-        table.move()
+        table.move(0.05)
         wait_until(lambda: abs(server.statistics()["displacement"]) > 0.003)
         table.child.interrupt()
         table.child.interrupt()  # a launch system and the terminal may both send it for one Ctrl-C

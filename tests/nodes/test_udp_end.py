@@ -46,6 +46,7 @@ def test_run_whose_controller_never_leaves_stopping_has_failed(bmd_rths, tmp_pat
     assert NOT_CONFIRMED in analysed.output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--composed",)], ids=["five processes", "composed"])
 def test_controller_that_is_idle_while_armed_ends_a_run_with_its_own_reason(bmd_rths, tmp_path, domain, options):
     """Before the test begins: another program stops the controller while the nodes look for each other."""
