@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator
+import shutil
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,8 +15,12 @@ from hypothesis import settings
 
 # As the programs do, before numpy is imported: on a busy machine the threads of the linear algebra wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Some hundred processes are started: none of them shall compile the sources again.
+# Some hundred processes are started: none of them shall compile the sources again, nor the next run the tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
+# Helpers that tests share say what was compared, as tests do.
+pytest.register_assert_rewrite("tests.clock", "tests.core", "tests.faults", "tests.msgs", "tests.nodes")
 
 # How long an example takes says more about what else the machine does than about the code.
 settings.register_profile("bmd_rths", deadline=None)
@@ -39,6 +45,31 @@ def ground_motion_folder() -> Path:
     """Return where the real records are: they belong to their agencies and are no part of this repository."""
     beside_the_repository = Path(__file__).resolve().parents[2] / "shared" / "ground_motions"
     return Path(os.environ.get("BMD_RTHS_GROUND_MOTIONS", beside_the_repository))
+
+
+def made_once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """Return a folder that is made by whichever worker of pytest-xdist comes first; the others wait for it.
+
+    Parameters
+    ----------
+    tmp_path_factory : pytest.TempPathFactory
+        Of the session.
+    name : str
+        Name of the folder.
+    make : callable
+        Fills the folder, which is empty.
+    """
+    shared = tmp_path_factory.getbasetemp()
+    shared = shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared
+    folder, made = shared / name, shared / f"{name}_is_made"
+    with open(shared / f"{name}_lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            shutil.rmtree(folder, ignore_errors=True)  # of a worker that failed in the middle
+            folder.mkdir()
+            make(folder)
+            made.touch()
+    return folder
 
 
 @pytest.hookimpl(wrapper=True)

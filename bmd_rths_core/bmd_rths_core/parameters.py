@@ -12,6 +12,7 @@ import types
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any, TypeVar
 
 from bmd_rths_core.errors import InputError
@@ -205,8 +206,13 @@ def build_section(section: type[Section], values: Mapping[str, object]) -> Secti
     for key in values:
         if key not in declared:
             raise InputError(f"{name}.{key}: unknown parameter{suggestion(key, declared)}; {_listed(declared)}")
-    hints = typing.get_type_hints(section)
+    hints = _types(section)
     return section(**{key: _typed(f"{name}.{key}", value, hints[key], declared[key]) for key, value in values.items()})
+
+
+@cache
+def _types(section: type) -> dict[str, Any]:
+    return typing.get_type_hints(section)
 
 
 def suggestion(word: object, known: Iterable[str]) -> str:

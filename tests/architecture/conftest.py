@@ -2,43 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.conftest import made_once
+
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes", "packaging/bmd-rths")
-
-
-def made_once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
-    """Return a folder that is made by whichever worker of pytest-xdist comes first; the others wait for it.
-
-    Parameters
-    ----------
-    tmp_path_factory : pytest.TempPathFactory
-        Of the session.
-    name : str
-        Name of the folder.
-    make : callable
-        Fills the folder, which is empty.
-    """
-    shared = tmp_path_factory.getbasetemp()
-    shared = shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared
-    folder, made = shared / name, shared / f"{name}_is_made"
-    with open(shared / f"{name}_lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not made.exists():
-            shutil.rmtree(folder, ignore_errors=True)  # of a worker that failed in the middle
-            folder.mkdir()
-            make(folder)
-            made.touch()
-    return folder
 
 
 @pytest.fixture(scope="session")

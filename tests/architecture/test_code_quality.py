@@ -1,4 +1,4 @@
-"""Linter, formatter and type checker, with the settings of pyproject.toml, have nothing to say."""
+"""Linter, formatter and type checker of pyproject.toml have nothing to say, and a file has one subject."""
 
 import os
 import shutil
@@ -11,6 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
 STRICT = PACKAGES[:2]
+#: A file with more lines has more than one subject.
+LONGEST_FILE = 400
 
 
 def run(folder, *arguments, **environment):
@@ -32,6 +34,13 @@ def run(folder, *arguments, **environment):
 def test_clean(arguments):
     result = run(ROOT, *arguments)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("folder", [*PACKAGES, "benchmarks", "docs", "tests"])
+def test_no_file_is_long(folder):
+    lengths = {path: len(path.read_text().splitlines()) for path in (ROOT / folder).rglob("*.py")}
+    assert lengths
+    assert [path for path, length in lengths.items() if length > LONGEST_FILE] == []
 
 
 @pytest.mark.slow

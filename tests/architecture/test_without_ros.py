@@ -26,7 +26,7 @@ from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_nodes.cli.main import COMMANDS
-from tests.architecture.conftest import made_once
+from tests.conftest import made_once
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "bmd_rths_core" / "bmd_rths_core" / "data"

@@ -26,7 +26,7 @@ from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_core.table.models.dynamics import series, servo_sections
 from bmd_rths_core.table.models.plant import driven_plant, interacting_plant
 from bmd_rths_core.table.models.sensors import noise_streams
-from tests.core.test_mpic import DT, exact, motion, quiet
+from tests.core.mpic_parts import DT, exact, motion, quiet
 
 SPECIMEN = ShearBuilding((760.0, 800.0), (2.5e6, 4.9e6), (3330.0, 78.0))
 ANGLES = np.array([0.01, 0.1, 0.4, 0.66, 1.0, 2.0, 3.0])

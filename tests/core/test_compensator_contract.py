@@ -17,7 +17,7 @@ from bmd_rths_core.compensators.registry import compensators
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.build import make_known
 from bmd_rths_core.table.controller import TableMeasurement
-from tests.core.test_mpic import exact
+from tests.core.mpic_parts import exact
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = DOCS / "reference" / "compensators.md"

@@ -20,7 +20,7 @@ from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.emulated.faults import Faults
 from bmd_rths_core.table.models.damage import story_forces
 from bmd_rths_core.table.models.simulated import SimulatedTable
-from tests.core.test_mpic import DT, exact, motion, quiet
+from tests.core.mpic_parts import DT, exact, motion, quiet
 
 SPECIMEN = ShearBuilding((760.0, 800.0), (2.5e6, 4.9e6), (3330.0, 78.0))
 SECTIONS = (1.0, 1.2, 3000.0, 1.0, 1.1, 2900.0, 0.0, 0.0, 60.0, 0.0, 1.0, 60.0)

@@ -21,7 +21,7 @@ from bmd_rths_core.report.reported_run import ReportedRun
 from bmd_rths_core.report.sections import adaptation
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.simulated import SimulatedTable
-from tests.core.test_mpic import DT, exact, motion, quiet
+from tests.core.mpic_parts import DT, exact, motion, quiet
 
 SECTIONS = [1.0, 1.2, 3000.0, 1.0, 1.1, 2900.0, 0.0, 0.0, 60.0, 0.0, 1.0, 60.0]
 

@@ -9,7 +9,7 @@ from bmd_rths_core.loop.closed_loop import closed_loop, has_matrices
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.simulated import SimulatedTable
-from tests.core.test_mpic import DT, exact, motion, quiet
+from tests.core.mpic_parts import DT, exact, motion, quiet
 
 
 def trimmed(make=quiet, **changes):

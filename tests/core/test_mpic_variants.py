@@ -13,7 +13,7 @@ from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableMeasurement
 from bmd_rths_core.table.models.sensors import noise_streams
-from tests.core.test_mpic import DT, NOISE, SPECIMEN, exact, motion, parts, quiet
+from tests.core.mpic_parts import DT, NOISE, SPECIMEN, exact, motion, parts, quiet
 
 FLOORS = 0.2
 

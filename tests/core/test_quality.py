@@ -21,7 +21,7 @@ from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.sensors import noise_streams
 from bmd_rths_core.verdict_bands import VerdictConfig
-from tests.core.test_mpic import exact, motion
+from tests.core.mpic_parts import exact, motion
 
 DT = 0.005
 TIME = DT * np.arange(4000)

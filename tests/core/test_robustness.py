@@ -13,8 +13,8 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.formats.stated import FROM_FILE, ONLY
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.stability.models import simulated_table
+from tests.core.mpic_parts import motion
 from tests.core.test_joint_model import CONFIGS
-from tests.core.test_mpic import motion
 
 EIGHT = load_config(CONFIGS / "eight_story_bmd.yaml")
 

@@ -16,7 +16,7 @@ from bmd_rths_core.record import RunRecord
 from bmd_rths_core.rest_record import REST_SIGNALS, rest_record
 from bmd_rths_core.safety import Action
 from bmd_rths_core.table.controller import TableMeasurement
-from tests.core.test_table_driver import DT, Asynchronous, Host, Waiting
+from tests.core.driven_table import DT, Asynchronous, Host, Waiting
 
 #: A test that is too short to come to rest by itself, on a table without noise.
 SHORT = Config().changed(

@@ -20,8 +20,13 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 
+from bmd_rths_core import RthsLoop, load_config, select_ground_motion
+from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.main import main
+from bmd_rths_nodes.hardware.controllers import make_table_controller
 from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
+from tests.conftest import made_once
+from tests.nodes.scripted_controller import REAL_TIME, Script
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
@@ -97,17 +102,15 @@ class Child:
     def interrupt(self):
         self.process.send_signal(signal.SIGINT)
 
-    def wait_for_words(self, words, timeout=60.0):
-        """Wait until it has written something to standard error; show what it wrote instead, if it did not."""
-
-        def written():
-            ended = self.process.poll() is not None
-            return words in self.errors.read_text() or ended
-
+    def wait_for(self, condition, timeout=60.0):
+        """Wait until something is so; show what it wrote to standard error, if it is not or it has ended before."""
         with suppress(AssertionError):
-            wait_until(written, timeout)
-        told = self.errors.read_text()
-        assert words in told, f"status {self.process.poll()}:\n{told}"
+            wait_until(lambda: condition() or self.process.poll() is not None, timeout)
+        assert condition(), f"status {self.process.poll()}:\n{self.errors.read_text()}"
+
+    def wait_for_words(self, words, timeout=60.0):
+        """Wait until it has written something to standard error."""
+        self.wait_for(lambda: words in self.errors.read_text(), timeout)
 
 
 def end(children):
@@ -149,9 +152,15 @@ def bmd_rths(start):
 def composed_run(tmp_path_factory):
     """Run three seconds in lockstep in two processes, once, for tests that only look at what came of it.
 
-    Status, output and errors, and what was `told` as JSON; nobody changes the bag.
+    Output and errors, and what was `told` as JSON; nobody changes the bag.
     """
-    folder = tmp_path_factory.mktemp("composed")
+    folder = made_once(tmp_path_factory, "composed", _run_composed)
+    result = SimpleNamespace(output=(folder / "stdout.txt").read_text(), errors=(folder / "stderr.txt").read_text())
+    result.told = json.loads(result.output)
+    return result
+
+
+def _run_composed(folder):
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", folder, "--json")
     with _free_domain() as number:
         own = {"ROS_DOMAIN_ID": str(number), RANGE: "LOCALHOST"}
@@ -162,8 +171,39 @@ def composed_run(tmp_path_factory):
         finally:
             end([child])
     assert result.status == 0, result.errors
-    result.told = json.loads(result.output)
-    return result
+
+
+@pytest.fixture
+def records(tmp_path):
+    """Write two records of saw teeth, 0.8 s long, and a file that is none."""
+    folder = tmp_path / "records"
+    folder.mkdir()
+    motion = "time_s,acceleration_g\n" + "".join(f"{0.01 * i:.2f},{{}}\n" for i in range(80))
+    for name, factor in (("kobe", 1), ("other", -2)):
+        values = [f"{factor * (i % 20 - 10) / 100:.3f}" for i in range(80)]
+        (folder / f"{name}.csv").write_text(motion.format(*values))
+    (folder / "README.md").write_text("Records\n")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def simulated():
+    """Simulate three seconds in process, once."""
+    config = load_config(CONFIG).changed(ground_motion__duration=3.0)
+    return RthsLoop(config, select_ground_motion(config.ground_motion, config.run.time_step)).run()
+
+
+@pytest.fixture(scope="session")
+def campaign_folder(simulated, tmp_path_factory):
+    """Make the folder of a campaign with one bag that is kept and one that is not; nobody changes it."""
+    folder = tmp_path_factory.mktemp("campaign")
+    write_record(simulated, folder / "bags" / "el_centro_1940_ns_plc_fc_0123456789ab")
+    (folder / "campaign.csv").write_text(
+        "key,motion,scheme,variation,outcome,verdict,rmse_substructure_percent\n"
+        "0123456789abcdef,el_centro_1940_ns,plc_fc,'=1+1,finished,good,12.5\n"
+        "fedcba9876543210,el_centro_1940_ns,uc,{},limit,bad,\n"
+    )
+    return folder
 
 
 @pytest.fixture
@@ -193,6 +233,25 @@ def client(domain):
     executor.shutdown()
     node.destroy_node()
     context.try_shutdown()
+
+
+@pytest.fixture
+def scripted():
+    """Make a connected table whose commands are answered by a function."""
+    made = []
+
+    def make(on_command, config=REAL_TIME):
+        script = Script(on_command)
+        table = make_table_controller(
+            config.changed(table__address=f"udp://127.0.0.1:{script.socket.getsockname()[1]}")
+        )
+        made.extend((table, script))
+        table.connect()
+        return table, script
+
+    yield make
+    for one in made:
+        one.close()
 
 
 def change_state(client, transition, role="command_shaper"):

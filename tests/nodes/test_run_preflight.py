@@ -35,6 +35,7 @@ def test_overridden_preflight_is_told_and_recorded(bmd_rths, tmp_path):
     assert read_bag(told["bag"]).configuration["run"]["preflight"] == "override"
 
 
+@pytest.mark.slow
 def test_cleared_preflight_tells_the_peaks_beside_their_limits(composed_run):
     assert "predicted for the simulated table: displacement" in composed_run.errors
     assert " of 230 mm, velocity " in composed_run.errors

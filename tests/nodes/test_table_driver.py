@@ -8,7 +8,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from bmd_rths_core.table.wire import Kind
 from tests.nodes.conftest import wait_until
-from tests.nodes.test_udp_table import Script, answer_to
+from tests.nodes.scripted_controller import Script, answer_to
 
 TIME_STEP_NS = 100_000_000
 
