@@ -21,6 +21,7 @@ FILES = {
     "proc/sys/net/ipv4/ip_local_port_range": "32768\t60999",
     "proc/sys/net/core/rmem_default": "212992",
     "proc/loadavg": "0.05 0.10 0.20 1/200 1234",
+    "proc/cpuinfo": "processor\t: 0\nflags\t\t: fpu tsc\n",
     "proc/sys/kernel/osrelease": "6.1.0",
     "sys/kernel/realtime": "1",
     "sys/devices/system/clocksource/clocksource0/current_clocksource": "tsc",
@@ -67,6 +68,8 @@ def test_nothing_is_wrong_with_a_good_computer(tmp_path):
             WARNING,
             "-g performance",
         ),
+        ({"proc/cpuinfo": "flags\t\t: fpu hypervisor tsc\n"}, {}, "computer", WARNING, "of its own"),
+        ({"proc/cpuinfo": None}, {}, "computer", NOTE, ""),
         ({"sys/kernel/realtime": None}, {}, "kernel", NOTE, "PREEMPT_RT"),
         (
             {"sys/devices/system/clocksource/clocksource0/current_clocksource": "hpet"},

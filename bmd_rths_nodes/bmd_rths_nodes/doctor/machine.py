@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -55,7 +56,7 @@ class Machine:
     def findings(self) -> list[Finding]:
         """Look at everything."""
         looks = (python, ros, middleware, domain, discovery, shared_memory, receive_buffer)
-        others = (processors, governor, kernel, clock, real_time)
+        others = (computer, processors, governor, kernel, clock, real_time)
         return [look(self) for look in (*looks, *others)]
 
 
@@ -147,6 +148,17 @@ def receive_buffer(machine: Machine) -> Finding:
     if int(text) < _USUAL_BUFFER:
         return Finding("receive buffer", WARNING, found, f"sudo sysctl -w net.core.rmem_default={_USUAL_BUFFER}")
     return Finding("receive buffer", GOOD, found)
+
+
+def computer(machine: Machine) -> Finding:
+    """Look whether the computer has its processors for itself."""
+    flags = re.search(r"^flags\s*:(.*)$", machine.text("proc/cpuinfo") or "", re.MULTILINE)
+    if flags is None:
+        return Finding("computer", NOTE, "not told by this system")
+    if "hypervisor" not in flags[1].split():
+        return Finding("computer", GOOD, "its processors are its own")
+    advice = "its host takes the processors away when it likes: drive a real table from a computer of its own"
+    return Finding("computer", WARNING, "a virtual machine", advice)
 
 
 def processors(machine: Machine) -> Finding:
