@@ -206,7 +206,7 @@ def build_section(section: type[Section], values: Mapping[str, object]) -> Secti
     for key in values:
         if key not in declared:
             raise InputError(f"{name}.{key}: unknown parameter{suggestion(key, declared)}; {_listed(declared)}")
-    hints = _types(section)
+    hints = _types(typing.cast(type, section))
     return section(**{key: _typed(f"{name}.{key}", value, hints[key], declared[key]) for key, value in values.items()})
 
 
