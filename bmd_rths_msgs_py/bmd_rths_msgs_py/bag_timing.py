@@ -1,4 +1,4 @@
-"""When the messages of a bag were sent, which `read_bag` has no use for."""
+"""When the messages of a bag came, which `read_bag` has no use for."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _between(before: dict[int, int], after: dict[int, int]) -> NDArray[np.float6
 
 
 def _sent(path: Path, time_step: float) -> tuple[dict[str, dict[int, int]], bool]:
-    """Return when the messages of each step were sent first [ns], and whether the nodes of the loop were composed."""
+    """Return when the messages of each step came first [ns], and whether the nodes of the loop were composed."""
     sent: dict[str, dict[int, int]] = {topic.name: {} for topic in CHAIN}
     processes: dict[str, str] = {}
     stamps = StepStamps(time_step)

@@ -49,7 +49,7 @@ def test_steps_and_periods_are_those_of_the_times_at_which_messages_were_sent(tm
     timing = read_timing_of_steps(read_bag(bag))
     assert isinstance(timing, StepTiming)
     assert timing.steps.tolist() == [0, 1, 2, 4, 5]
-    assert timing.sent_ms == pytest.approx([1.0, 2.0, 1.5, 7.0, 1.0])
+    assert timing.chain_ms == pytest.approx([1.0, 2.0, 1.5, 7.0, 1.0])
     assert timing.period_ms == pytest.approx([5.0, 5.0, 5.0])  # not across the step that is missing
     assert timing.missed_steps == (3,)
 
@@ -110,7 +110,7 @@ def test_hops_are_the_times_from_message_to_message(tmp_path: Path) -> None:
     assert list(timing.hops_ms) == list(expected)
     for name, hop in expected.items():
         assert timing.hops_ms[name] == pytest.approx([hop] * 10)
-    assert sum(hops.mean() for hops in timing.hops_ms.values()) == pytest.approx(timing.sent_ms.mean())
+    assert sum(hops.mean() for hops in timing.hops_ms.values()) == pytest.approx(timing.chain_ms.mean())
 
 
 def test_nodes_that_share_a_process_have_no_hops(tmp_path: Path) -> None:

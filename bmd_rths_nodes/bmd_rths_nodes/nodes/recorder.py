@@ -35,7 +35,6 @@ from bmd_rths_msgs_py.topics import (
 )
 from bmd_rths_nodes.ros import qos, status
 from bmd_rths_nodes.ros.agreement import with_motion
-from bmd_rths_nodes.ros.connections import MessageTimes, RawHandler
 from bmd_rths_nodes.ros.spin import run_nodes
 from bmd_rths_nodes.ros.stage_node import StageNode
 from bmd_rths_nodes.ros.status import NodeStatus
@@ -214,16 +213,16 @@ class RecorderNode(StageNode):
     def _bag_was_opened(self) -> bool:
         return self.configured and bool(self._bag)
 
-    def _recorder_of(self, topic: Topic) -> RawHandler:
+    def _recorder_of(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that records the messages of a topic and counts those that did not come."""
         name, stamps = topic.name, self.config.run.stamps
         full_name = topic.full_name_in(self.get_namespace())
         lockstep = self.config.run.lockstep
 
-        def on_message(data: bytes, sent: MessageTimes) -> None:
+        def on_message(data: bytes) -> None:
             if self._writer is None:
                 return
-            self._record(full_name, topic, data, sent)
+            self._record(full_name, topic, data)
             self._note_message()
             try:
                 step = stamps.step_under_way(read_stamp(data))
@@ -237,13 +236,13 @@ class RecorderNode(StageNode):
 
         return on_message
 
-    def _recorder_of_the_way_to_rest(self, topic: Topic) -> RawHandler:
+    def _recorder_of_the_way_to_rest(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the function that records what follows a test; what precedes its steps is of an earlier one."""
         full_name = topic.full_name_in(self.get_namespace())
 
-        def on_message(data: bytes, sent: MessageTimes) -> None:
+        def on_message(data: bytes) -> None:
             if self._writer is not None and self.order.steps > 0:
-                self._record(full_name, topic, data, sent)
+                self._record(full_name, topic, data)
                 self._note_message()
 
         return on_message
@@ -253,9 +252,9 @@ class RecorderNode(StageNode):
         self._quiet_looks = 0
         self.order.steps += 1
 
-    def _record_diagnostics(self, data: bytes, sent: MessageTimes) -> None:
+    def _record_diagnostics(self, data: bytes) -> None:
         if not is_of_others(data, self.get_namespace()):
-            self._record(DIAGNOSTICS.name, DIAGNOSTICS, data, sent)
+            self._record(DIAGNOSTICS.name, DIAGNOSTICS, data)
 
     @property
     def free(self) -> bool:
@@ -295,11 +294,10 @@ class RecorderNode(StageNode):
         self._close("failed", problem, None)
         super().on_disturbance(problem)
 
-    def _record(self, name: str, topic: Topic, data: bytes, sent: MessageTimes) -> None:
+    def _record(self, name: str, topic: Topic, data: bytes) -> None:
         now = time.time_ns()
-        sent_ns = sent["source_timestamp"] or now  # 0 of a middleware that does not tell
         writer = self._writer
-        if writer is not None and self._guarded(lambda: writer.write(name, topic.type_name, data, now, sent_ns)):
+        if writer is not None and self._guarded(lambda: writer.write(name, topic.type_name, data, now, now)):
             self._messages += 1
 
     def _guarded(self, action: Callable[[], None]) -> bool:

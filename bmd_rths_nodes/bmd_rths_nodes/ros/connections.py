@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
@@ -15,12 +15,6 @@ from bmd_rths_msgs_py.topics import Topic
 from bmd_rths_nodes.ros import qos
 from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.messages import codec_of, consumers_of, message_class
-
-#: What the middleware tells of a message: among it `source_timestamp`, when it was sent, on the wall clock [ns].
-MessageTimes = Mapping[str, int]
-
-#: Gets the bytes of a message, and what the middleware tells of it.
-RawHandler = Callable[[bytes, MessageTimes], None]
 
 
 class Connections:
@@ -67,17 +61,9 @@ class Connections:
         subscription = self.listen_beside(topic, on_message, profile)
         self._inputs.append((subscription.topic_name, subscription.get_publisher_count))
 
-    def listen_beside(
-        self, topic: Topic, on_message: Callable[[bytes], None] | RawHandler, profile: QoSProfile
-    ) -> Subscription:
+    def listen_beside(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
         """Give the bytes of a topic to a function; who else publishes it does not matter."""
-        subscription = self._node.create_subscription(
-            message_class(topic),
-            topic.name,
-            on_message,  # type: ignore[arg-type]  # rclpy hands over what it takes, its declaration knows the bytes only
-            profile,
-            raw=True,
-        )
+        subscription = self._node.create_subscription(message_class(topic), topic.name, on_message, profile, raw=True)
         self._subscriptions.append((topic, subscription))
         return subscription
 

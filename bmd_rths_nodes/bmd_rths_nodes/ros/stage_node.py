@@ -17,7 +17,7 @@ from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE, Topic
 from bmd_rths_nodes.roles import ROLES
 from bmd_rths_nodes.ros import qos, status, triggers
 from bmd_rths_nodes.ros.agreement import Agreement, Heard
-from bmd_rths_nodes.ros.connections import Connections, RawHandler
+from bmd_rths_nodes.ros.connections import Connections
 from bmd_rths_nodes.ros.end_of_test import EndOfTest
 from bmd_rths_nodes.ros.ending_signals import Ending
 from bmd_rths_nodes.ros.intra_process import IntraProcess
@@ -191,8 +191,8 @@ class StageNode(ManagedNode):
         in_real_time = qos.NEWEST if newest_only else qos.STAGE
         self._connections.listen(topic, on_message, qos.LOCKSTEP_STAGE if self.config.run.lockstep else in_real_time)
 
-    def subscribe_raw(self, topic: Topic, on_message: RawHandler, profile: QoSProfile) -> None:
-        """Subscribe to the bytes of a topic, and when each message was sent."""
+    def subscribe_raw(self, topic: Topic, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
+        """Subscribe to the bytes of a topic."""
         self._connections.listen_beside(topic, on_message, profile)
 
     def set_state(self, state: NodeState, note: str = "", level: bytes = status.OK) -> None:

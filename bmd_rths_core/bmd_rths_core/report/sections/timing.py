@@ -18,8 +18,8 @@ TITLE = "Timing"
 
 CAPTION = (
     "Closure is the time from the desired acceleration of a step to its corrected shear, by the clock of the numerical "
-    "substructure. The other times are those at which messages were sent; nodes that share a process send them when "
-    "the step is over."
+    "substructure. The other times are those of the messages at the recorder; nodes that share a process send them "
+    "when the step is over."
 )
 
 _SENT, _PERIOD = "first to last message [ms]", "time between steps [ms]"
@@ -32,7 +32,7 @@ class TimingFigure:
     Parameters
     ----------
     timing : StepTiming
-        When the messages of the steps were sent.
+        When the messages of the steps reached the recorder.
     counts : tuple of int
         Steps by their closure, in equal parts of the time step; empty when a recording does not tell.
     """
@@ -55,7 +55,7 @@ class TimingFigure:
             closures.hist(edges[:-1], bins=edges, weights=self.counts, log=True, color=BLUE)
             closures.set(xlabel="closure of a step [ms]")
         else:
-            closures.hist(self.timing.sent_ms, bins=80, log=True, color=BLUE)
+            closures.hist(self.timing.chain_ms, bins=80, log=True, color=BLUE)
             closures.set(xlabel=_SENT)
         periods.hist(self.timing.period_ms, bins=80, log=True, color=BLUE)
         periods.set(xlabel=_PERIOD)
@@ -66,7 +66,7 @@ class TimingFigure:
             axes.legend(ncols=1, **ABOVE)
         time = self.timing.steps * self.timing.time_step
         if self.timing.hops_ms:
-            plot_history(history, time, self.timing.sent_ms, color=BLUE, linewidth=0.5, label="a step")
+            plot_history(history, time, self.timing.chain_ms, color=BLUE, linewidth=0.5, label="a step")
             history.set(ylabel=_SENT)
         else:
             following = time[1:][np.diff(self.timing.steps) == 1]
@@ -105,4 +105,4 @@ def _hops(timing: StepTiming) -> list[Block]:
         if len(times):
             p50, p99 = np.percentile(times, [50, 99])
             rows.append((name.replace("_", " "), number(p50, 2), number(p99, 2), number(times.max(), 2)))
-    return [Table(("sent after the message before [ms]", "p50", "p99", "largest"), tuple(rows))] if rows else []
+    return [Table(("after the message before [ms]", "p50", "p99", "largest"), tuple(rows))] if rows else []
