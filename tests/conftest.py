@@ -22,9 +22,21 @@ sys.dont_write_bytecode = False
 # Helpers that tests share say what was compared, as tests do.
 pytest.register_assert_rewrite("tests.clock", "tests.core", "tests.faults", "tests.msgs", "tests.nodes")
 
-# How long an example takes says more about what else the machine does than about the code.
-settings.register_profile("bmd_rths", deadline=None)
-settings.load_profile("bmd_rths")
+# How long an example takes says more about what else the machine does than about the code. Daily work draws a quarter
+# of the examples, and others each time.
+settings.register_profile("whole", deadline=None, max_examples=100)
+settings.register_profile("daily", deadline=None, max_examples=25)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Draw fewer examples where slow tests are left out."""
+    settings.load_profile("daily" if config.option.markexpr == "not slow" else "whole")
+
+
+def examples(number: int) -> int:
+    """Return how many examples of a property are drawn, where it is `number` in a whole run."""
+    return max(1, round(number * settings().max_examples / 100))
+
 
 #: Changes of a configuration: nothing stops the table but a value that is not finite.
 WITHOUT_LIMITS = {

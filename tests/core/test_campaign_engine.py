@@ -12,7 +12,7 @@ from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.models import EQUATION_9
-from tests.conftest import WITHOUT_LIMITS
+from tests.conftest import WITHOUT_LIMITS, examples
 
 DT = 0.005
 TABLES = {
@@ -116,14 +116,14 @@ def test_limits_end_a_run_as_they_end_that_of_the_loop(limit, action):
 
 def test_limit_that_is_passed_late_ends_the_run():
     """The bounds remember what was before the chunk."""
-    time = np.arange(9000) * DT
-    rising = GroundMotion("rising", DT, 0.02 * time * np.sin(2 * np.pi * 1.5 * time), "test", "0" * 64)
+    time = np.arange(5500) * DT
+    rising = GroundMotion("rising", DT, 0.035 * time * np.sin(2 * np.pi * 1.5 * time), "test", "0" * 64)
     motions = [SelectedMotion(GroundMotionConfig(record="rising"), rising)]
     for limit, value in (("displacement", 0.007), ("tracking", 0.16), ("increment", 0.68), ("velocity", 0.06)):
         changes = {f"safety__{limit}_limit": value, "safety__ramp_velocity": 0.06}
         (record,) = assert_equal_to_the_loop(Config().changed(**changes), motions)
         assert f"safety.{limit}_limit" in record.reason
-        assert 2048 < record.steps < 9000
+        assert 2048 < record.steps < 5500
 
 
 @pytest.mark.parametrize(("share", "after"), [(1.02, 2048), (1.3, 0)])
@@ -166,7 +166,7 @@ def test_braking_that_the_acceleration_limit_slows_is_foreseen(displacement, ste
     assert "safety.displacement_limit" in record.reason
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(
     scheme=st.sampled_from(["uc", "fc", "plc", "plc_fc"]),
     frequency=st.floats(0.3, 20.0),

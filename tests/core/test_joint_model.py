@@ -25,6 +25,10 @@ CONFIGS = Path(__file__).parents[2] / "config"
 BAND = (2.0 * np.pi * 0.5, 2.0 * np.pi * 25.0)
 
 
+#: The fit of nine sections takes several seconds.
+SYSTEMS = ["simplified_bmd", pytest.param("eight_story_bmd", marks=pytest.mark.slow)]
+
+
 @cache
 def identified(name, **changes):
     config = load_config(CONFIGS / f"{name}.yaml").changed(**changes)
@@ -56,6 +60,7 @@ def test_servo_and_specimen_come_back_within_their_deviations():
     assert model.command_delay < 2e-5
 
 
+@pytest.mark.slow
 def test_chain_of_sections_and_its_specimen_come_back():
     config, model = identified("eight_story_bmd")
     assert model.table == "sections"
@@ -64,7 +69,7 @@ def test_chain_of_sections_and_its_specimen_come_back():
     np.testing.assert_allclose(found[5:], true_stories(config)[5:], rtol=0.15)
 
 
-@pytest.mark.parametrize("name", ["simplified_bmd", "eight_story_bmd"])
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_noise_of_every_sensor_is_measured(name):
     config, model = identified(name)
     for sensor in ("acceleration_noise", "displacement_noise", "shear_noise"):
@@ -127,7 +132,7 @@ def test_changes_of_a_table_are_small_differences(table, values):
     np.testing.assert_allclose(changes * values, small * values, rtol=1e-5, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["simplified_bmd", "eight_story_bmd"])
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_model_is_what_a_compensator_gets(name, tmp_path):
     config, model = identified(name)
     path = tmp_path / "model.yaml"

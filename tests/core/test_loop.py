@@ -31,7 +31,7 @@ def synthetic(time_step, duration=3.0):
     return GroundMotion("synthetic", time_step, acceleration, "test", "0" * 64)
 
 
-@pytest.mark.parametrize("source", ["load_cell", "kalman"])
+@pytest.mark.parametrize("source", ["load_cell", pytest.param("kalman", marks=pytest.mark.slow)])
 def test_loop_with_a_perfect_table_converges_to_the_reference_with_first_order(source):
     """A hold of one step and nothing else: halving Δt halves the error."""
     errors = []
@@ -113,6 +113,7 @@ def test_progress_reports_every_period_and_the_end():
     assert seen == [200, 400, 600, 601]
 
 
+@pytest.mark.slow
 def test_repeated_tests_in_one_process_do_not_grow():
     """The collector is asked first: what it has not come to yet is not kept."""
     config = Config().changed(ground_motion__duration=0.1)

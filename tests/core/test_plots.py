@@ -4,6 +4,7 @@ import struct
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree
@@ -48,20 +49,20 @@ STATED = {
 }
 
 
-@pytest.fixture(scope="module")
-def data():
-    """Compute what every figure shows; the tables are measured for a quarter of the time, which is enough to draw."""
-    eight_story, simplified = (load_config(CONFIGS / f"{name}_bmd.yaml") for name in ("eight_story", "simplified"))
+@cache
+def data_of(number):
+    """Compute what a figure shows; the tables are measured for a quarter of the time, which is enough to draw."""
+    system = "eight_story" if number in EIGHT_STORY.figures else "simplified"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(table_response, "_EXCITATION", replace(table_response._EXCITATION, duration=60.0))
-        return {n: figure_data(n, eight_story if n in EIGHT_STORY.figures else simplified) for n in FIGURES}
+        return figure_data(number, load_config(CONFIGS / f"{system}_bmd.yaml"))
 
 
 @pytest.fixture(scope="module")
-def files(data, tmp_path_factory):
-    """Write every figure; return its paths by number."""
+def files_of(tmp_path_factory):
+    """Write a figure, once; return its paths."""
     folder = tmp_path_factory.mktemp("figures")
-    return {n: write_figure(data[n], folder, FORMATS) for n in FIGURES}
+    return cache(lambda number: write_figure(data_of(number), folder, FORMATS))
 
 
 def error_of_figure_13():
@@ -77,8 +78,8 @@ def texts(path):
 
 
 @pytest.mark.parametrize("number", FIGURES)
-def test_files_have_the_stated_values_and_their_size(files, number):
-    png, svg = files[number]
+def test_files_have_the_stated_values_and_their_size(files_of, number):
+    png, svg = files_of(number)
     assert (png.name, svg.name) == (f"figure_{number}.png", f"figure_{number}.svg")
     shown = texts(svg)
     stated = [*STATED[number], *([f"RMSE (Eq. 12) {error_of_figure_13():.2f} %"] if number == 13 else [])]
@@ -91,16 +92,16 @@ def test_files_have_the_stated_values_and_their_size(files, number):
     assert 0.4 * width < height < width
 
 
-def test_parkfield_has_the_value_of_the_paper_and_a_stopped_test_says_why(data, tmp_path):
-    (path,) = write_figure(replace(data[13], is_parkfield=True, stopped="limit of the table"), tmp_path, ["svg"])
+def test_parkfield_has_the_value_of_the_paper_and_a_stopped_test_says_why(tmp_path):
+    (path,) = write_figure(replace(data_of(13), is_parkfield=True, stopped="limit of the table"), tmp_path, ["svg"])
     assert "paper: 48.84 %, Table 3" in texts(path)
     assert "the test was stopped: limit of the table" in texts(path)
 
 
 @pytest.mark.parametrize("number", FIGURES)
-def test_nothing_is_cut_off_or_covered_and_all_text_has_8_points(data, number):
+def test_nothing_is_cut_off_or_covered_and_all_text_has_8_points(number):
     with style():
-        figure = draw(data[number])
+        figure = draw(data_of(number))
         FigureCanvasAgg(figure).draw()
         assert {text.get_fontsize() for text in figure.findobj(Text) if text.get_text()} == {8.0}
         drawn, page = figure.get_tightbbox(), figure.bbox_inches
@@ -113,10 +114,10 @@ def test_nothing_is_cut_off_or_covered_and_all_text_has_8_points(data, number):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [7, 13])
-def test_same_data_give_the_same_bytes_whatever_a_user_has_set(data, files, number, tmp_path):
-    first = [path.read_bytes() for path in files[number]]
+def test_same_data_give_the_same_bytes_whatever_a_user_has_set(files_of, number, tmp_path):
+    first = [path.read_bytes() for path in files_of(number)]
     with matplotlib.rc_context({"font.size": 20.0, "axes.grid": True, "svg.fonttype": "path"}):
-        again = [path.read_bytes() for path in write_figure(data[number], tmp_path, FORMATS)]
+        again = [path.read_bytes() for path in write_figure(data_of(number), tmp_path, FORMATS)]
         assert matplotlib.rcParams["font.size"] == 20.0
     assert first == again
 
@@ -133,9 +134,9 @@ def test_the_last_bit_of_a_place_does_not_change_the_file():
         assert b"url(#part_" in svg_of_axes(0.7)
 
 
-def test_curves_are_told_apart_without_colour(data):
+def test_curves_are_told_apart_without_colour():
     with style():
-        for axes in draw(data[11]).axes:
+        for axes in draw(data_of(11)).axes:
             curves = [line for line in axes.lines if line.get_label().startswith("margin")]
             assert len({line.get_linestyle() + str(line._dash_pattern) for line in curves}) == len(curves) == 3
 

@@ -68,7 +68,8 @@ def test_sections_have_the_response_of_the_model(name):
 def sections_response(model):
     space = series(sections_of(model))
     identity = np.eye(len(space.a))
-    return np.array([(space.c @ np.linalg.solve(1j * w * identity - space.a, space.b))[0, 0] + space.d for w in OMEGA])
+    resolvents = np.linalg.solve(1j * OMEGA[:, None, None] * identity - space.a, space.b)
+    return (space.c @ resolvents)[:, 0, 0] + space.d
 
 
 @pytest.mark.parametrize("degree", range(6))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion import read_ground_motion
 from bmd_rths_core.ground_motion.catalogue import catalogue
+from tests.conftest import examples
 from tests.core.field_records import afad, assert_wave, at2, csv, refusal, sac, smc, zipped
 from tests.core.record_samples import COMPONENTS, csmip
 
@@ -35,7 +36,7 @@ def test_archive_without_a_record_is_refused(write) -> None:
     assert "a damaged archive" in refusal(write(zipped({"readme.txt": b"hello"})[:-30]))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(150), deadline=None)
 @given(data=st.data(), kind=st.sampled_from(["smc", "sac", "zip", "csv", "numbers", "miniseed", "afad"]))
 def test_damaged_records_are_read_or_refused_in_one_line(tmp_path: Path, data: st.DataObject, kind: str) -> None:
     samples = {

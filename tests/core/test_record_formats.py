@@ -291,7 +291,7 @@ def test_every_format_has_a_sample() -> None:
 
 @pytest.mark.parametrize("name", SAMPLES)
 @given(data=st.data())
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 def test_damaged_bytes_are_read_or_refused_in_one_line(tmp_path: Path, name: str, data: st.DataObject) -> None:
     sample = SAMPLES[name]
     content = bytearray(sample.content)

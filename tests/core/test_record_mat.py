@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from bmd_rths_core.ground_motion import read_ground_motion
 from bmd_rths_core.ground_motion.catalogue import catalogue
 from bmd_rths_core.ground_motion.formats.mat5 import DamagedMat, read_variables
+from tests.conftest import examples
 from tests.core.field_records import WAVE, assert_wave, refusal
 from tests.core.record_samples import COMPONENTS, TIME, TIME_STEP, mat
 
@@ -35,7 +36,7 @@ def test_own_reader_of_mat_agrees_with_scipy() -> None:
         assert [found[name].values for name in ("t", "z", "cell", "st")] == [None] * 4
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=300, deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(300), deadline=None)
 @given(data=st.data(), compress=st.booleans())
 def test_damaged_mat_is_one_error_and_never_the_end_of_the_process(data: st.DataObject, compress: bool) -> None:
 

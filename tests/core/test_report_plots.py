@@ -269,6 +269,7 @@ def test_figures_of_a_report_are_files_with_truetype_inside(run, tmp_path):
         write_figures(document, tmp_path, ["nothing"])
 
 
+@pytest.mark.slow
 def test_report_for_print_has_no_type_3(run, tmp_path):
     write_pdf(run_report(run), tmp_path / "report.pdf")
     assert b"/Type3" not in (tmp_path / "report.pdf").read_bytes()

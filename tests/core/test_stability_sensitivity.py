@@ -65,6 +65,10 @@ def test_entries_are_those_of_python_control(uncompensated):
 
 def test_parameters_are_those_that_enter_the_loop(uncompensated):
     assert set(uncompensated) == ALWAYS | SERVO | IDENTIFIED
+
+
+@pytest.mark.slow
+def test_parameters_of_compensation_and_estimator_enter_too():
     compensated = by_name(Config(), AnalysisOptions(modes=1))
     others = {"simulated_table.platen_mass", "force_correction.gain"}
     assert set(compensated) == ALWAYS | SERVO | KALMAN | SHAPER | others

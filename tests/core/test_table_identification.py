@@ -69,8 +69,8 @@ def interacting_response(config, omega):
 def sections_response(model, omega):
     space = series(model.sections)
     identity = np.eye(len(space.a))
-    rational = [(space.c @ np.linalg.solve(1j * w * identity - space.a, space.b))[0, 0] + space.d for w in omega]
-    return np.array(rational) * np.exp(-1j * omega * model.rational.delay)
+    resolvents = np.linalg.solve(1j * omega[:, None, None] * identity - space.a, space.b)
+    return ((space.c @ resolvents)[:, 0, 0] + space.d) * np.exp(-1j * omega * model.rational.delay)
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])

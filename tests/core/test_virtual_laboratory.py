@@ -56,6 +56,7 @@ def records_of_the_paper():
     return [lines[event] for event in EVENTS]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not INDEX.exists(), reason="real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder"
 )

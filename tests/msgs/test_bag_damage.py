@@ -20,6 +20,7 @@ from bmd_rths_msgs_py.cdr import ScalarCodec
 from tests.msgs.bags import CONFIGURATION, STEP_NS, assert_prefix, bag_of, command
 
 
+@pytest.mark.slow
 def test_truncated_anywhere_a_bag_gives_its_beginning(bag: Path, record: RunRecord, tmp_path: Path) -> None:
     data = (bag / "run_0.mcap").read_bytes()
     rng = random.Random(2)

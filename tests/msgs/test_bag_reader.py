@@ -27,12 +27,13 @@ from bmd_rths_msgs_py.bag_writer import BagWriter
 from bmd_rths_msgs_py.cdr import MeasurementCodec, ScalarCodec
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_msgs_py.topics import COMMAND, MEASUREMENT
+from tests.conftest import examples
 from tests.msgs.bags import FINISHED, STAMPS, STEP_NS, Make, Same, bag_of, command, custom_data, measurement
 
 
 @settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
-    max_examples=30,
+    max_examples=examples(30),
     deadline=None,
     phases=[Phase.explicit, Phase.reuse, Phase.generate],  # every example writes a bag: shrinking takes minutes
 )

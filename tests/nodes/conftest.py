@@ -84,6 +84,7 @@ class Child:
 
     def __init__(self, folder, arguments, environment=None):
         self.output, self.errors = folder / "stdout.txt", folder / "stderr.txt"
+        self.is_parent = not any("bmd_rths_nodes.nodes." in str(argument) for argument in arguments)
         with open(self.output, "wb") as out, open(self.errors, "wb") as err:
             self.process = subprocess.Popen(
                 [sys.executable, *arguments],
@@ -114,10 +115,10 @@ class Child:
 
 
 def end(children):
-    """End what is left of some children, all at the same time: ask, then kill."""
+    """End what is left of some children, all at the same time: ask one that has processes of its own, kill the rest."""
     for child in children:
         if child.process.poll() is None:
-            child.interrupt()
+            child.interrupt() if child.is_parent else child.process.kill()
     give_up = time.monotonic() + 10.0
     for child in children:
         try:
