@@ -95,6 +95,7 @@ def _clock_jump(random: Random) -> Trial:
             "import time\n"
             "true, begin = time.time_ns, time.monotonic()\n"
             f"time.time_ns = lambda: true() + (time.monotonic() - begin > {after}) * {round(jump * 1e9)}\n"
+            "time.time = lambda: 1e-9 * time.time_ns()\n"
         )
         return {"PYTHONPATH": f"{folder}:{os.environ.get('PYTHONPATH', '')}"}
 

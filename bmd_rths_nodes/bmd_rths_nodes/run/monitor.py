@@ -191,7 +191,9 @@ class RunMonitor:
         for told in status.from_message(message):
             before = self.status.get(told.role)
             own = told.namespace == self.namespace
-            if own and self._believes(told) and (before is None or told.stamp >= before.stamp):
+            # One from the future was told before the clock was set back.
+            new = before is None or told.stamp >= before.stamp or before.stamp > time.time()
+            if own and self._believes(told) and new:
                 self.status[told.role] = told
                 self.heard[told.role] = time.perf_counter()
 
