@@ -1,11 +1,14 @@
 """The packages install with pip and with colcon, and `ros2 run` and `ros2 launch` find everything in either case."""
 
+import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
@@ -20,6 +23,14 @@ EXECUTABLES = (
     "force_correction",
     "recorder",
 )
+
+#: Keys of rosdep that are not `python3-` and the name on PyPI.
+KEYS = {
+    "filterpy": "python3-filterpy-pip",
+    "mcap": "mcap-ros2-support",
+    "PyYAML": "python3-yaml",
+    "rosbags": "python3-rosbags-pip",
+}
 
 #: Set by the start-up code of the ROS wheels; a child in another environment must go through it again.
 WHEELS_STARTED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
@@ -98,6 +109,30 @@ def where_imported(python, folder, environment):
     return [Path(file) for file in succeed([python, "-c", files], folder, environment).split()]
 
 
+def required(package):
+    """Return what setup.py of a package requires of everybody."""
+    tree = ast.parse((ROOT / package / "setup.py").read_text())
+    return next(
+        ast.literal_eval(node.value) for node in ast.walk(tree) if getattr(node, "arg", None) == "install_requires"
+    )
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_manifest_has_a_key_for_each_requirement(package):
+    manifest = ElementTree.parse(ROOT / package / "package.xml")
+    keys = {node.text for node in manifest.iter("exec_depend")}
+    needed = {name if name in PACKAGES else KEYS.get(name, f"python3-{name}") for name in required(package)}
+    assert needed - keys == set()
+
+
+def test_page_beside_apt_installs_what_apt_does_not_have():
+    """ROS from apt brings numpy and PyYAML, filterpy brings scipy."""
+    page = (ROOT / "docs" / "how-to" / "install_with_ros_from_apt.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^pip install (.*)$", page, flags=re.MULTILINE)
+    needed = {name for package in PACKAGES for name in required(package)} - set(PACKAGES)
+    assert needed - {"numpy", "PyYAML", "scipy"} - set(line.split()) == set()
+
+
 @pytest.mark.slow
 def test_pip(wheels, tmp_path, environment, monkeypatch):
     prefix = tmp_path / "venv"
@@ -111,7 +146,7 @@ def test_pip(wheels, tmp_path, environment, monkeypatch):
     found = ("--find-links", wheels, "bmd-rths", *PACKAGES)
     succeed([python, "-m", "pip", "install", *offline, *found], tmp_path, environment)
     # As `pipx install bmd-rths[ros]` does: every requirement of the extras has a name that exists, and is there.
-    extras = ("--no-index", "--dry-run", "bmd-rths[ros,foxglove,parquet,mat73,cluster]")
+    extras = ("--no-index", "--dry-run", "bmd-rths[ros,foxglove,parquet,mat73,cluster,docs]")
     told = succeed([python, "-m", "pip", "install", *extras], tmp_path, environment)
     assert "Would install" not in told
     assert "does not provide the extra" not in told
