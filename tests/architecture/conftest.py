@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes", "packaging/bmd-rths")
+FOLDERS = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes", "packaging/bmd-rths", "examples/my_rths_nodes")
 
 
 def made_once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
