@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
@@ -20,11 +22,12 @@ author = "The bmd_rths authors"
 release = version = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinx_click"]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["index.md", "layouts"]  # `site/index` has its words, and what stands where
+exclude_patterns = ["index.md", "layouts", "site/static"]  # `site/index` has its words, and what stands where
 root_doc = "site/index"
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "tasklist"]
 myst_heading_anchors = 3
+highlight_language = "none"  # a block without a language is what a command prints
 # What stands beside the pages in the repository (sources, configurations) is no part of the site.
 suppress_warnings = ["myst.xref_missing"]
 
@@ -33,12 +36,26 @@ numpydoc_show_class_members = False
 autosummary_generate = False
 
 html_theme = "furo"
+html_math_renderer = "mathml"  # browsers draw it themselves; MathJax would be a script from elsewhere
 html_title = "bmd_rths"
-html_static_path: list[str] = []
+html_static_path = ["site/static"]
+html_css_files = ["page.css"]
+html_show_copyright = False
 html_copy_source = False
 html_theme_options: dict[str, Any] = {"top_of_page_buttons": []}
 
 
+def _inline(translator: Any, node: nodes.math) -> None:
+    translator.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def _block(translator: Any, node: nodes.math_block) -> None:
+    translator.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    raise nodes.SkipNode
+
+
 def setup(app: Sphinx) -> None:
-    """Show diagrams in Mermaid as text: a page that draws them would have to load a script from elsewhere."""
+    """Write formulas as MathML, and diagrams in Mermaid as text: drawing them needs a script from elsewhere."""
+    app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_lexer("mermaid", TextLexer)

@@ -110,8 +110,8 @@ def _arrow(
 def draw_response(axes: Axes, found: Response) -> None:
     """Draw the strong motion of the superstructure in the test and in the building without partition."""
     curves = (
-        (found.test, "test: measured on the simulated table", {"color": ORANGE, "linewidth": 1.6}),
-        (found.reference, "reference: whole building computed", {"color": BLACK, "linewidth": 0.7}),
+        (found.test, "measured on the simulated table", {"color": ORANGE, "linewidth": 1.6}),
+        (found.reference, "whole building, computed", {"color": BLACK, "linewidth": 0.7}),
     )
     for values, label, look in curves:
         plot_history(axes, *between(found.time, values, found.strong_motion), label=label, **look)

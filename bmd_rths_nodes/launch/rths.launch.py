@@ -127,15 +127,19 @@ def _check_seconds(name: str, text: str) -> None:
 
 
 def _on_exit_of(name: str):
-    """Return what the exit of a node means for the others.
+    """Return what the exit of a node means for the others, and for the exit status of the launch.
 
     The numerical substructure is the clock of the test and tells how it ended, so only its exit ends the others. A
-    node that did not even start is the exception: the others would wait for it without end.
+    node that did not even start is the exception: the others would wait for it without end. Launch knows one way to
+    an exit status that is not 0: an error, which ends the others as a shutdown does.
     """
 
-    def on_exit(event, _):
+    def on_exit(event, context):
         started = event.returncode != REFUSED
-        clock = name in (LOOP[0].name, COMPOSED_LOOP)
-        return Shutdown(reason=f"{name} ended") if clock or not started else None
+        if started and name not in (LOOP[0].name, COMPOSED_LOOP):
+            return None
+        if event.returncode and not context.is_shutdown:
+            raise RuntimeError(f"{name} ended with status {event.returncode}; the test did not finish")
+        return Shutdown(reason=f"{name} ended")
 
     return on_exit

@@ -1,5 +1,7 @@
 """Two executables for `ros2 run my_rths_nodes`, and a table for `bmd-rths run --table my_table`."""
 
+from glob import glob
+
 from setuptools import setup
 
 NAME = "my_rths_nodes"
@@ -13,12 +15,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        # `ros2 run` looks for executables here, after pip and after colcon.
+        (f"lib/{NAME}", sorted(glob("scripts/*"))),
     ],
     entry_points={
-        "console_scripts": [
-            f"shear_estimator = {NAME}.shear_estimator:main",
-            f"table_driver = {NAME}.table_driver:main",
-        ],
         "bmd_rths.table_controllers": [f"my_table = {NAME}.my_table:MyTable"],
     },
     install_requires=["bmd_rths_nodes"],

@@ -13,7 +13,7 @@ import pytest
 from tests.conftest import made_once
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes", "packaging/bmd-rths")
+FOLDERS = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes", "packaging/bmd-rths", "examples/my_rths_nodes")
 
 
 @pytest.fixture(scope="session")

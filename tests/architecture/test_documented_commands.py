@@ -106,6 +106,35 @@ def test_parameters_that_are_set_exist_and_may_have_the_values(words):
     config.changed(**parsed_settings(settings_of(words)))
 
 
+def every_option(command):
+    """Return the options of a command and of its subcommands."""
+    found = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
+    if isinstance(command, click.Group):
+        found |= {name for sub in command.list_commands(None) for name in every_option(command.get_command(None, sub))}
+    return found
+
+
+#: Options of other programs that pages name.
+_OF_OTHERS = {"--help", "--check", "--pip-args", "--params-file", "--show-args", "--ros-args"}
+
+
+def named_options(text):
+    """Return the options that the text of a page names, outside its blocks of code."""
+    prose = re.sub(r"^[ ]*```.*?^[ ]*```", "", text, flags=re.MULTILINE | re.DOTALL)
+    code = re.findall(r"`([^`\n]*)`", prose)
+    return {option for words in code for option in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", words)}
+
+
+def test_options_that_the_text_names_exist():
+    scripts = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "benchmarks").glob("*.py"))
+    known = every_option(cli) | _OF_OTHERS | set(re.findall(r'"(--[a-z-]+)"', scripts))
+    assert {page.name: found for page in PAGES if (found := named_options(page.read_text("utf-8")) - known)} == {}
+    assert named_options("Use `--lockstep` or `run --gone 3`, not `a--b`.\n```sh\nx --y\n```\n") == {
+        "--lockstep",
+        "--gone",
+    }
+
+
 @pytest.mark.parametrize("words", of_program("ros2", "run", "bmd_rths_nodes"))
 def test_executable_exists(words):
     scripts = {path.name for path in (ROOT / "bmd_rths_nodes" / "scripts").iterdir()}

@@ -1,11 +1,14 @@
 """The packages install with pip and with colcon, and `ros2 run` and `ros2 launch` find everything in either case."""
 
+import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
@@ -21,6 +24,17 @@ EXECUTABLES = (
     "recorder",
 )
 
+#: The package of the how-to page "Write a node of your own".
+EXAMPLE = "my_rths_nodes"
+
+#: Keys of rosdep that are not `python3-` and the name on PyPI.
+KEYS = {
+    "filterpy": "python3-filterpy-pip",
+    "mcap": "mcap-ros2-support",
+    "PyYAML": "python3-yaml",
+    "rosbags": "python3-rosbags-pip",
+}
+
 #: Set by the start-up code of the ROS wheels; a child in another environment must go through it again.
 WHEELS_STARTED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
@@ -28,9 +42,10 @@ WHEELS_STARTED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 @pytest.fixture
 def copy(tmp_path):
     """Copy what is installed, because building leaves files beside the sources."""
-    for folder in (*PACKAGES, "config", "ros2_ws"):
+    for folder in (*PACKAGES, "config", "ros2_ws", "examples"):
         ignored = shutil.ignore_patterns("build", "install", "log", "*.egg-info", "__pycache__")
         shutil.copytree(ROOT / folder, tmp_path / "copy" / folder, symlinks=True, ignore=ignored)
+    (tmp_path / "copy" / "ros2_ws" / "src" / EXAMPLE).symlink_to(f"../../examples/{EXAMPLE}")
     return tmp_path / "copy"
 
 
@@ -80,11 +95,13 @@ def assert_installed(prefixes, folder, environment, monkeypatch):
     share = Path(get_package_share_directory("bmd_rths_nodes"))
     assert (share / "launch" / "rths.launch.py").is_file()
     assert {path.name for path in (share / "config").iterdir()} == {path.name for path in (ROOT / "config").iterdir()}
-    executables = Path(get_package_prefix("bmd_rths_nodes")) / "lib" / "bmd_rths_nodes"
-    assert set(EXECUTABLES) <= {path.name for path in executables.iterdir() if os.access(path, os.X_OK)}
+    folder_of = {package: prefixes[package] / "lib" / package for package in ("bmd_rths_nodes", EXAMPLE)}
+    executables = [folder_of["bmd_rths_nodes"] / name for name in EXECUTABLES] + [folder_of[EXAMPLE] / "table_driver"]
+    assert [path for path in executables if not os.access(path, os.X_OK)] == []
+    assert get_package_prefix(EXAMPLE) == str(prefixes[EXAMPLE])
     # A parameter that does not exist makes the node say so and end; to get there it has to import everything.
     with ThreadPoolExecutor() as pool:
-        asked = [(executables / name, "--ros-args", "-p", "nonsense.key:=1") for name in EXECUTABLES]
+        asked = [(executable, "--ros-args", "-p", "nonsense.key:=1") for executable in executables]
         refusals = list(pool.map(lambda arguments: run(arguments, folder, environment), asked))
     for refused in refusals:
         assert (refused.returncode, refused.stdout) == (2, ""), refused.stderr
@@ -98,6 +115,30 @@ def where_imported(python, folder, environment):
     return [Path(file) for file in succeed([python, "-c", files], folder, environment).split()]
 
 
+def required(package):
+    """Return what setup.py of a package requires of everybody."""
+    tree = ast.parse((ROOT / package / "setup.py").read_text())
+    return next(
+        ast.literal_eval(node.value) for node in ast.walk(tree) if getattr(node, "arg", None) == "install_requires"
+    )
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_manifest_has_a_key_for_each_requirement(package):
+    manifest = ElementTree.parse(ROOT / package / "package.xml")
+    keys = {node.text for node in manifest.iter("exec_depend")}
+    needed = {name if name in PACKAGES else KEYS.get(name, f"python3-{name}") for name in required(package)}
+    assert needed - keys == set()
+
+
+def test_page_beside_apt_installs_what_apt_does_not_have():
+    """ROS from apt brings numpy and PyYAML, filterpy brings scipy."""
+    page = (ROOT / "docs" / "how-to" / "install_with_ros_from_apt.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^pip install (.*)$", page, flags=re.MULTILINE)
+    needed = {name for package in PACKAGES for name in required(package)} - set(PACKAGES)
+    assert needed - {"numpy", "PyYAML", "scipy"} - set(line.split()) == set()
+
+
 @pytest.mark.slow
 def test_pip(wheels, tmp_path, environment, monkeypatch):
     prefix = tmp_path / "venv"
@@ -108,17 +149,17 @@ def test_pip(wheels, tmp_path, environment, monkeypatch):
     (site_packages / "shared.pth").write_text("\n".join(shared))
     python = prefix / "bin" / "python"
     offline = ("--no-index", "--no-deps", "--ignore-installed", "--no-cache-dir")
-    found = ("--find-links", wheels, "bmd-rths", *PACKAGES)
+    found = ("--find-links", wheels, "bmd-rths", *PACKAGES, EXAMPLE)
     succeed([python, "-m", "pip", "install", *offline, *found], tmp_path, environment)
     # As `pipx install bmd-rths[ros]` does: every requirement of the extras has a name that exists, and is there.
-    extras = ("--no-index", "--dry-run", "bmd-rths[ros,foxglove,parquet,mat73,cluster]")
+    extras = ("--no-index", "--dry-run", "bmd-rths[ros,foxglove,parquet,mat73,cluster,docs]")
     told = succeed([python, "-m", "pip", "install", *extras], tmp_path, environment)
     assert "Would install" not in told
     assert "does not provide the extra" not in told
     assert "simulate" in succeed([prefix / "bin" / "bmd-rths", "--help"], tmp_path, environment)
     assert all(site_packages in file.parents for file in where_imported(python, tmp_path, environment))
     environment["AMENT_PREFIX_PATH"] = os.pathsep.join([str(prefix), os.environ.get("AMENT_PREFIX_PATH", "")])
-    assert_installed(dict.fromkeys(PACKAGES, prefix), tmp_path, environment, monkeypatch)
+    assert_installed(dict.fromkeys((*PACKAGES, EXAMPLE), prefix), tmp_path, environment, monkeypatch)
 
 
 @pytest.mark.slow
@@ -130,4 +171,4 @@ def test_colcon(copy, tmp_path, environment, monkeypatch):
     sourced = dict(line.split("=", 1) for line in listing.split("\0") if line)
     files = where_imported(Path(sys.executable).name, tmp_path, sourced)
     assert all(workspace / "install" / p in file.parents for p, file in zip(PACKAGES, files, strict=True))
-    assert_installed({p: workspace / "install" / p for p in PACKAGES}, tmp_path, sourced, monkeypatch)
+    assert_installed({p: workspace / "install" / p for p in (*PACKAGES, EXAMPLE)}, tmp_path, sourced, monkeypatch)

@@ -128,15 +128,26 @@ def test_time_that_is_no_number_is_refused_before_anything_starts(nodes):
 @pytest.mark.parametrize(
     ("executable", "status", "ends"),
     [
-        ("numerical_substructure", 0, True),
-        ("numerical_substructure", -9, True),
-        ("table_driver", -9, False),  # the numerical substructure notices, and tells how the test ended
-        ("table_driver", 2, True),  # it never started, and the others would wait for it
-        ("recorder", 2, True),
-        ("composed_loop", -9, True),
+        ("numerical_substructure", 0, "Shutdown"),
+        ("numerical_substructure", 1, "RuntimeError"),
+        ("numerical_substructure", -9, "RuntimeError"),
+        ("table_driver", 1, ""),
+        ("table_driver", -9, ""),  # the numerical substructure notices, and tells how the test ended
+        ("table_driver", 2, "RuntimeError"),  # it never started, and the others would wait for it
+        ("recorder", 2, "RuntimeError"),
+        ("composed_loop", -9, "RuntimeError"),
     ],
 )
 def test_whose_exit_ends_the_others(nodes, executable, status, ends):
-    started = nodes() | nodes(composed="true")
-    action = started[executable].on_exit(SimpleNamespace(returncode=status), None)
-    assert action == (f"{executable} ended" if ends else None)
+    """An error of launch ends the others too, and is its only way to an exit status that is not 0."""
+    on_exit = (nodes() | nodes(composed="true"))[executable].on_exit
+    event, running, ending = (
+        SimpleNamespace(returncode=status),
+        *(SimpleNamespace(is_shutdown=s) for s in (False, True)),
+    )
+    if ends == "RuntimeError":
+        with pytest.raises(RuntimeError, match=f"^{executable} ended with status {status}; the test did not finish$"):
+            on_exit(event, running)
+    else:
+        assert on_exit(event, running) == (f"{executable} ended" if ends else None)
+    assert on_exit(event, ending) == (f"{executable} ended" if ends else None)  # Ctrl-C is no error of launch

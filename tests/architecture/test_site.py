@@ -34,6 +34,7 @@ def test_site_builds_without_a_warning_and_loads_nothing_from_elsewhere(tmp_path
     }
     assert sources - set(pages) == {"index.html"}
     assert all(f"bmd-rths {name}" in pages["site/command_line.html"] for name in COMMANDS)
+    assert pages["explanation/theory.html"].count("<math") > 10
     public = set(bmd_rths_core.__all__) - {"__version__"}
     assert {name for name in public if f"bmd_rths_core.{name}" not in pages["site/api.html"]} == set()
     for name, page in pages.items():

@@ -293,9 +293,13 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("module", "roles"), [("composed_loop", ROLES[:-1]), ("recorder", ROLES[-1:])], ids=["loop", "recorder"]
+    ("module", "roles", "another"),
+    [("composed_loop", ROLES[:-1], "recorder"), ("recorder", ROLES[-1:], "table_driver")],
+    ids=["loop", "recorder"],
 )
-def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, start, tmp_path, module, roles):
+def test_node_that_waits_for_the_operator_survives_the_status_of_others(
+    client, start, tmp_path, module, roles, another
+):
     """Every state between unconfigured and active is told, often, without harm while other nodes tell theirs."""
     talkative = (
         "import sys; from bmd_rths_nodes.ros import stage_node; stage_node.STATUS_PERIOD = 0.05; "
@@ -320,7 +324,7 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(client, 
         # Its own status, between those of another node.
         wait_until(
             lambda role=role: (
-                diagnostics.publish(status.to_message(status.NodeStatus("/rths/another", NodeState.READY), 0, 0))
+                diagnostics.publish(status.to_message(status.NodeStatus(f"/rths/{another}", NodeState.READY), 0, 0))
                 or client.spin_some()
                 or any(s.name == f"/rths/{role}" for message in told for s in message.status)
             )

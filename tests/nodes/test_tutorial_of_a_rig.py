@@ -1,7 +1,6 @@
 """The tutorial of a rig of one's own: its commands, as they stand, in a fresh folder."""
 
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import WITHOUT_LIMITS
+from tests.pages import assert_quoted, blocks_of
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "a_rig_of_your_own.md"
 
@@ -28,9 +28,9 @@ PATIENT = {
 }
 
 
-def blocks():
-    """Return the commands of the page, one text a block."""
-    return re.findall(r"```sh\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+def blocks(language="sh"):
+    """Return the commands of the page, one text a block, or what it quotes of their output."""
+    return [block.text for block in blocks_of(TUTORIAL) if block.language == language]
 
 
 def test_the_page_goes_through_every_step():
@@ -56,7 +56,8 @@ def test_its_commands_run_as_they_stand(tmp_path, monkeypatch):
     folder = tmp_path / "work"
     (folder / "docs" / "tutorial").mkdir(parents=True)
     shutil.copy(TUTORIAL.with_name("table_response.csv"), folder / "docs" / "tutorial")
-    environment = {**os.environ, "PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+    path = f"{program.parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "COLUMNS": "200"}  # nothing is broken in two
     script = "set -eux\n" + "\n".join(blocks())
     told = tmp_path / "told.txt"
     with told.open("w") as output:
@@ -70,6 +71,7 @@ def test_its_commands_run_as_they_stand(tmp_path, monkeypatch):
             os.killpg(done.pid, signal.SIGKILL)  # the emulator too, where the script did not come to its end
         done.wait()
     assert status == 0, told.read_text()[-8000:]
+    assert_quoted("\n…\n".join(blocks("")), told.read_text())
     assert (folder / "report.html").stat().st_size > 100_000
     assert (folder / "signals.csv").stat().st_size > 100_000
     bags = sorted(entry.name for entry in (folder / "bags").iterdir())

@@ -103,6 +103,7 @@ class RecorderNode(StageNode):
         self._time_to_rest = longest_way_to_rest(config.safety, config.run.time_step) + config.table.halt_time
         self._writer: BagWriter | None = None
         self._bag = ""
+        self._forget_the_last_test()
         for topic in TOPICS.values():
             after = topic in WAY_TO_REST_TOPICS
             recorder = self._recorder_of_the_way_to_rest(topic) if after else self._recorder_of(topic)
@@ -124,6 +125,10 @@ class RecorderNode(StageNode):
         self._last_message = time.perf_counter()
         self._quiet_looks = 0
         self._messages = 0
+        self._forget_the_last_test()
+
+    def _forget_the_last_test(self) -> None:
+        """Know nothing of a test: statuses of other nodes come before the first activation too."""
         uncounted = (*WAY_TO_REST_TOPICS, DIAGNOSTICS)
         self._next_step = {topic.name: 0 for topic in TOPICS.values() if topic not in uncounted}
         self._steps_told_of = 0
