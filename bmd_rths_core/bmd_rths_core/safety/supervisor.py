@@ -108,8 +108,13 @@ class SafetySupervisor:
 
     @property
     def motion(self) -> Motion:
-        """Motion of the table at the end of the last command: what was commanded, and what the sensor knows better."""
-        return self._motion._replace(displacement=self._motion.displacement + self._offset)
+        """Motion of the table at the end of the last command: what was commanded, and what the sensor knows better.
+
+        Of that no more than `following_tolerance`: a sensor whose sign or zero is wrong must not lead the table away.
+        """
+        most = self._config.following_tolerance
+        known = min(max(self._offset, -most), most)
+        return self._motion._replace(displacement=self._motion.displacement + known)
 
     @property
     def stands(self) -> bool:
@@ -285,6 +290,10 @@ class SafetySupervisor:
         if self._way.watches(self._last_step + 1):
             return 0.0
         found = self._way.found()
+        if self._way.led_away is not None:
+            before, after = (motion.displacement for motion in self._way.led_away)
+            what, limit = "displacement that a way back was to take away", "sensors.table_displacement_scale"
+            self.record([Trip(limit, "m", what, after, before, self._last_step, Action.INDICATE)])
         if found is None:
             return None
         self._motion = found
