@@ -128,3 +128,37 @@ def test_loop_in_process_tells_what_has_ended_its_way_to_rest():
     outcome, reason = rig.run()
     assert outcome == "finished"
     assert reason.startswith("end of the ground motion; on the way to rest: safety.non_finite_action: actuator force")
+
+
+# ---- step 0 of another test, and a controller that does not want to be armed again
+
+
+@pytest.mark.parametrize("state", [DriveState.FOLLOWING, DriveState.RETURNING, DriveState.HELD])
+def test_table_that_moves_is_not_armed_anew(state):
+    bench = Bench()
+    bench.follow([1.0] * 20)
+    if state is not DriveState.FOLLOWING:
+        bench.driver.finish(Action.HOLD if state is DriveState.HELD else Action.RAMP, bench.now)
+    if state is DriveState.HELD:
+        bench.to_rest()
+    motion = bench.driver.supervisor.motion
+    with pytest.raises(RuntimeError, match="the table moves"):
+        bench.driver.arm()
+    assert (bench.driver.state, bench.driver.supervisor.motion) == (state, motion)
+    assert bench.controller.state is ControllerState.RUNNING
+
+
+def test_controller_that_cannot_be_armed_again_leaves_what_is_known_of_its_table():
+    bench = Bench(table__give_up_after=0.05)
+    bench.follow([1.0] * 5)
+    bench.fault("dead")
+    bench.driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, "button", bench.now)
+    assert bench.driver.stop_problem == NOT_CONFIRMED
+    with pytest.raises(RuntimeError, match="no answer"):
+        bench.driver.arm()
+    assert (*told(bench), bench.driver.stop_problem) == (Outcome.STOPPED, "button", NOT_CONFIRMED)
+    bench.driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, "button again", bench.now)
+    assert bench.driver.stop_problem == NOT_CONFIRMED
+    bench.faults.clear("dead")
+    bench.driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, "and again", bench.now)
+    assert bench.driver.stop_problem == ""

@@ -125,11 +125,15 @@ class TableDriver:
         Raises
         ------
         OSError, RuntimeError
-            The controller is not there, or does not want to.
+            The table moves, or the controller is not there or does not want to: what is known of the last test and of
+            its stop stays known.
         """
-        self._forget()
-        self.state = DriveState.RELEASED
+        if self.moving:
+            raise RuntimeError("the table moves, it is not armed anew")
+        if self.state is DriveState.ARMED:
+            self.state = DriveState.AT_REST
         self._table.connect()
+        self._forget()
         self.state = DriveState.ARMED
 
     def command(self, step: int, acceleration: float, now: float) -> None:

@@ -78,6 +78,9 @@ class TableDriverNode(StageNode):
 
     def reset_stage(self) -> None:
         """Make the table ready for step 0."""
+        if self._driver.moving:  # of a bag that is played, say: it must not make the driver forget its table
+            self.on_disturbance("another test begins while the table moves")
+            return
         self._forget_the_last_test()
         try:
             self._driver.arm()
