@@ -162,3 +162,31 @@ def test_controller_that_cannot_be_armed_again_leaves_what_is_known_of_its_table
     bench.faults.clear("dead")
     bench.driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, "and again", bench.now)
     assert bench.driver.stop_problem == ""
+
+
+# ---- steps that jump ahead
+
+
+@pytest.mark.parametrize("first", [0, 20])
+@pytest.mark.parametrize("step", [700, 2**31, 2**32, 10**12])
+def test_command_of_a_step_that_no_clock_has_reached_is_refused(first, step):
+    """Of another test, say: it would move the table from rest into the middle of it."""
+    bench = Bench()
+    bench.follow([0.1] * first)
+    bench.driver.command(step, 1.0, bench.now)
+    outcome, reason = told(bench)
+    assert (outcome, bench.driver.last_passed) == (Outcome.LIMIT, first - 1)
+    assert "safety.stale_shear_time" in reason
+    bench.to_rest()
+    assert bench.driver.state is DriveState.AT_REST
+    assert (bench.controller.state, bench.driver.stop_problem) == (ControllerState.IDLE, "")
+
+
+def test_step_that_the_wire_format_cannot_tell_stops_the_table():
+    bench = Bench(safety__stale_shear_action="ignore")
+    bench.follow([0.1] * 5)
+    bench.driver.command(2**32, 0.1, bench.now)
+    outcome, reason = told(bench)
+    assert outcome is Outcome.FAILED
+    assert f"step {2**32} refused" in reason
+    assert bench.controller.state is ControllerState.INTERLOCK
