@@ -190,3 +190,17 @@ def test_step_that_the_wire_format_cannot_tell_stops_the_table():
     assert outcome is Outcome.FAILED
     assert f"step {2**32} refused" in reason
     assert bench.controller.state is ControllerState.INTERLOCK
+
+
+# ---- a host that is slow at every look
+
+
+def test_host_that_is_slow_at_every_look_does_not_wait_for_twenty_of_them():
+    bench = Bench(virtual_controller__watchdog=10.0)
+    bench.follow([5.0] * 10)
+    last = bench.now
+    while bench.driver.state is DriveState.FOLLOWING:
+        bench.driver.poll(bench.now)
+        bench.network.stall(0.03)
+    assert bench.now - last < (MOST_EXCUSES + 2) * 0.03 + 0.1
+    assert LOOKS_BEFORE_SILENCE * 0.03 > 0.5

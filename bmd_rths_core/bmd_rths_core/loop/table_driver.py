@@ -310,11 +310,12 @@ class TableDriver:
         overdue = self._followed_until + 0.2 * self._time_step
         if now < overdue:
             return overdue
-        held_up = now - self._looked_at > self._time_step and self._excuses < MOST_EXCUSES
+        held_up = now - self._looked_at > self._time_step
+        excused = held_up and self._excuses < MOST_EXCUSES
         self._looked_at = now
-        self._excuses += held_up
-        self._looks = 1 if held_up else self._looks + 1
-        if self._looks < LOOKS_BEFORE_SILENCE:
+        self._excuses += excused
+        self._looks = 1 if excused else self._looks + 1
+        if self._looks < LOOKS_BEFORE_SILENCE and (excused or not held_up):
             return now
         late = self._late(now)
         if not self.supervisor.goes_on_without(late):
