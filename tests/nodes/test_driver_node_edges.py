@@ -126,3 +126,39 @@ def test_ordinary_end_leaves_the_driver_waiting_for_the_next_test(node):
     assert (node.state, node._driver.outcome) == (NodeState.WAITING, None)
     node.hear(NodeState.ENDED, action=Action.EMERGENCY_STOP.name.lower())  # told once a second
     assert "emergency_stop" not in node.table.calls
+
+
+# ---- steps of the next test
+
+
+@pytest.fixture
+def order():
+    return StepOrder(CONFIG.run.stamps)
+
+
+def take(order, *steps, topic="command"):
+    taken = [order.take(topic, CONFIG.run.stamps.of(step)) for step in steps]
+    return [(one.step, one.begins_anew) if one else None for one in taken]
+
+
+def test_next_test_begins_also_after_a_test_of_one_step(order):
+    assert take(order, 0, 0) == [(0, False), None]  # the second one is the same message
+    order.expect_new_test()
+    assert take(order, 0, 0, 1) == [(0, True), None, (1, False)]
+    assert (order.lost, order.out_of_order) == (0, 2)
+
+
+def test_next_test_begins_also_where_its_step_0_was_lost(order):
+    take(order, *range(10))
+    order.expect_new_test()
+    assert take(order, 2, 1, 3) == [(2, True), None, (3, False)]
+    assert order.lost == 2
+
+
+def test_each_topic_begins_a_new_test_once(order):
+    take(order, 0, 1, 2)
+    take(order, 0, topic="other")
+    order.expect_new_test()
+    assert take(order, 0, 1) == [(0, True), (1, False)]
+    assert take(order, 0, 1, topic="other") == [(0, True), (1, False)]
+    assert take(order, 5, 0, topic="third") == [(5, False), (0, True)]
