@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -82,9 +83,15 @@ class BagWriter:
             directory.mkdir(parents=True, exist_ok=True)
             if any(directory.iterdir()):
                 raise InputError(f"{directory}: not empty; a new or an empty directory is required")
-            self._file = (directory / self._file_name).open("xb")
+            with ExitStack() as on_failure:
+                self._file = on_failure.enter_context((directory / self._file_name).open("xb"))
+                self._begin(metadata, chunk_size)
+                on_failure.pop_all()
         except OSError as error:
             raise InputError(f"{directory}: cannot be written: {error.strerror}") from error
+
+    def _begin(self, metadata: Mapping[str, str], chunk_size: int) -> None:
+        """Write what both files have before the first message."""
         self._writer = Writer(self._file, chunk_size=chunk_size, compression=CompressionType.NONE)
         # The library keeps an object of 1 kB for each chunk until the end, 1.2 MB a minute of a test.
         self._writer._Writer__chunk_indices = _PackedChunkIndices()  # type: ignore[attr-defined]

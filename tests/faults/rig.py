@@ -220,6 +220,4 @@ class Rig:
         except HostDied:
             self.ended_at = self.network.time
             return "failed", "the host is dead"
-        driver = self.loop.driver
-        also = driver.reason if driver.reason != record.reason else ""
-        return record.outcome, f"{record.reason}; on the way to rest: {also}" if also else record.reason
+        return record.outcome, record.reason

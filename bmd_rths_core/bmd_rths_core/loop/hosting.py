@@ -53,12 +53,16 @@ def ending(conductor: Conductor, driver: TableDriver) -> tuple[Outcome | None, s
     conductor : Conductor
         Its end of the test.
     driver : TableDriver
-        What it knows of the stop: a test is not finished before the table is known to be at rest.
+        What it knows of the way to rest and of the stop: a test is not finished before the table is known to be at
+        rest.
     """
-    if not driver.stop_problem:
-        return conductor.outcome, conductor.reason
-    outcome = Outcome.FAILED if conductor.outcome is Outcome.FINISHED else conductor.outcome
-    return outcome, f"{conductor.reason}; {driver.stop_problem}"
+    outcome, reason = conductor.outcome, conductor.reason
+    if driver.outcome is not None and driver.reason not in (reason, driver.stop_problem):
+        reason = f"{reason}; on the way to rest: {driver.reason}"
+    if driver.stop_problem:
+        outcome = Outcome.FAILED if outcome is Outcome.FINISHED else outcome
+        reason = f"{reason}; {driver.stop_problem}"
+    return outcome, reason
 
 
 def run_to_rest(

@@ -125,11 +125,15 @@ class TableDriver:
         Raises
         ------
         OSError, RuntimeError
-            The controller is not there, or does not want to.
+            The table moves, or the controller is not there or does not want to: what is known of the last test and of
+            its stop stays known.
         """
-        self._forget()
-        self.state = DriveState.RELEASED
+        if self.moving:
+            raise RuntimeError("the table moves, it is not armed anew")
+        if self.state is DriveState.ARMED:
+            self.state = DriveState.AT_REST
         self._table.connect()
+        self._forget()
         self.state = DriveState.ARMED
 
     def command(self, step: int, acceleration: float, now: float) -> None:
@@ -306,11 +310,12 @@ class TableDriver:
         overdue = self._followed_until + 0.2 * self._time_step
         if now < overdue:
             return overdue
-        held_up = now - self._looked_at > self._time_step and self._excuses < MOST_EXCUSES
+        held_up = now - self._looked_at > self._time_step
+        excused = held_up and self._excuses < MOST_EXCUSES
         self._looked_at = now
-        self._excuses += held_up
-        self._looks = 1 if held_up else self._looks + 1
-        if self._looks < LOOKS_BEFORE_SILENCE:
+        self._excuses += excused
+        self._looks = 1 if excused else self._looks + 1
+        if self._looks < LOOKS_BEFORE_SILENCE and (excused or not held_up):
             return now
         late = self._late(now)
         if not self.supervisor.goes_on_without(late):
@@ -325,10 +330,27 @@ class TableDriver:
         where = f" at step {step}" if self.moving and step >= 0 else ""
         self._end(Outcome.FAILED, f"table controller{where}: {error}", now)
 
+    def _note_limit(self) -> None:
+        """Note a limit that the sensors passed in the last slot of the test, or on the way to rest."""
+        if self.outcome is None and self.supervisor.reason:
+            self.outcome, self.reason = Outcome.LIMIT, self.supervisor.reason
+
+    def _note_emergency(self, late: float) -> None:
+        """Note why the supervisor has ended the way to rest with an emergency stop, where it has."""
+        if not self.supervisor.emergency:
+            return
+        trip = next((trip for trip in self.supervisor.trips if trip.action is Action.EMERGENCY_STOP), None)
+        if trip is not None:
+            self.outcome, self.reason = self.outcome or Outcome.LIMIT, str(trip)
+        elif not self.reason:
+            told = f"the last command was held for {late:.3g} s too long; where it has led the table is not known"
+            self.outcome, self.reason = Outcome.FAILED, told
+
     def _begin_way_to_rest(self, now: float) -> None:
         """Send the first command on the way to rest now or when the last one has been held for Δt."""
         if self.state in (DriveState.AT_REST, DriveState.RELEASED) and not self.supervisor.emergency:
             return
+        self._note_limit()
         if self.state is DriveState.ARMED or self.supervisor.emergency:
             self.halt()
             return
@@ -345,8 +367,10 @@ class TableDriver:
 
     def _advance(self, now: float) -> None:
         """Send one command on the way to rest; at its end stop the table, except after a hold."""
+        self._note_limit()
         stands = self.supervisor.at_rest  # after a hold, without end
-        command = self.supervisor.advance(self._late_on_the_way(now))
+        late = self._late_on_the_way(now)
+        command = self.supervisor.advance(late)
         if command is not None:
             if not stands:
                 self._last_on_the_way = command.step
@@ -355,6 +379,7 @@ class TableDriver:
                 self._on_rest_command(command)
         if self.supervisor.state is State.STOPPED:
             if self.moving:
+                self._note_emergency(late)
                 self.halt()
             return
         # A limit that asks for more than a hold brings a held table back.

@@ -108,8 +108,13 @@ class SafetySupervisor:
 
     @property
     def motion(self) -> Motion:
-        """Motion of the table at the end of the last command: what was commanded, and what the sensor knows better."""
-        return self._motion._replace(displacement=self._motion.displacement + self._offset)
+        """Motion of the table at the end of the last command: what was commanded, and what the sensor knows better.
+
+        Of that no more than `following_tolerance`: a sensor whose sign or zero is wrong must not lead the table away.
+        """
+        most = self._config.following_tolerance
+        known = min(max(self._offset, -most), most)
+        return self._motion._replace(displacement=self._motion.displacement + known)
 
     @property
     def stands(self) -> bool:
@@ -154,13 +159,17 @@ class SafetySupervisor:
             return False
         unheard = self._last_step - self._last_measured
         skipped = step - self._last_step - 1
-        self._last_step += skipped
-        silent = skipped * self._time_step if late is None else late
+        missing = skipped * self._time_step
+        silent = missing if late is None else late
         self._hold(silent)
         if self.passing:
-            self.record(self._passed_limits(step, command, silent, unheard))
+            # A step that no clock has reached is not of this test, whatever the time is.
+            self.record(self._passed_limits(step, command, max(silent, missing), unheard))
         if self.passing:
+            self._last_step = step - 1
             self._send(command)
+        else:
+            self._last_step += min(skipped, self._whole_steps(silent) + 1)
         return self.passing
 
     def goes_on_without(self, late: float) -> bool:
@@ -285,6 +294,10 @@ class SafetySupervisor:
         if self._way.watches(self._last_step + 1):
             return 0.0
         found = self._way.found()
+        if self._way.led_away is not None:
+            before, after = (motion.displacement for motion in self._way.led_away)
+            what, limit = "displacement that a way back was to take away", "sensors.table_displacement_scale"
+            self.record([Trip(limit, "m", what, after, before, self._last_step, Action.INDICATE)])
         if found is None:
             return None
         self._motion = found

@@ -55,6 +55,11 @@ class WayToRest:
         Acceleration, jerk and velocity of the way.
     time_step : float
         Δt [s].
+
+    Attributes
+    ----------
+    led_away : tuple of Motion, or None
+        What was seen before and after a way back that made it larger: the sensor has a wrong sign or scale.
     """
 
     def __init__(self, config: SafetyConfig, time_step: float) -> None:
@@ -72,6 +77,8 @@ class WayToRest:
         self._plan: list[float] | None = None
         self._planned = REST
         self._corrections = 0
+        self._found: Motion | None = None
+        self.led_away: tuple[Motion, Motion] | None = None
         self._watched_from = self._watched_until = -1
         self._settling.reset()
 
@@ -125,7 +132,7 @@ class WayToRest:
         """
         if self._plan is None or self._strayed(motion):
             self._begin(motion, planner, self._config)
-            self._corrections, self._watched_from = 0, -1
+            self._corrections, self._watched_from, self._found = 0, -1, None
         elif not self._plan and self._correctable(motion, planner):
             self._begin(motion, planner, self._gently(motion))
             self._corrections += 1
@@ -146,7 +153,11 @@ class WayToRest:
     def found(self) -> Motion | None:
         """End the watch, and return the motion that was seen where a further way is to take it away."""
         found = self._settling.found() if self._corrections < MOST_CORRECTIONS else None
+        before, self._found = self._found, found
         if found is None or abs(found.displacement) > self._config.displacement_limit:
+            return None
+        if before is not None and not _is_little(found) and _size(found) >= _size(before):
+            self.led_away = before, found
             return None
         in_time = (self._watched_until - self._watched_from) * self._time_step < CORRECTION_TIME
         return found if in_time or not _is_little(found) else None
@@ -196,6 +207,11 @@ class WayToRest:
             return False
         off = planner is ramp_commands and abs(motion.displacement) > SETTLED_DISPLACEMENT
         return off or abs(motion.velocity) > SETTLED_VELOCITY
+
+
+def _size(motion: Motion) -> float:
+    """Return how far a table that goes on for a second is then from where it was to be, whichever way it goes [m]."""
+    return abs(motion.displacement) + abs(motion.velocity)
 
 
 def _is_little(motion: Motion) -> bool:

@@ -12,7 +12,7 @@ from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_core.table.transport import Transport
 from bmd_rths_core.table.udp_session import ACCELERATION_ONLY, UdpSession
-from bmd_rths_core.table.wire import ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
+from bmd_rths_core.table.wire import MODULUS, ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
 from bmd_rths_core.time_steps import StepStamps
 
 #: Time between two packets of a host that waits for the first command [s]; controllers let go of a host after 1 s.
@@ -246,6 +246,8 @@ class UdpTable:
             raise RuntimeError(f"command of step {step} refused: the table is stopped")
         if skipped < 0:
             raise RuntimeError(f"command of step {step} refused: step {self._last_step + 1} is next")
+        if step >= MODULUS:
+            raise RuntimeError(f"command of step {step} refused: the wire format has room for {MODULUS - 1}")
         motion = ACCELERATION_ONLY
         if self._motion is not None:
             for _ in range(skipped):

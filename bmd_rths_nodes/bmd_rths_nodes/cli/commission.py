@@ -12,6 +12,7 @@ import click
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.cli.configuration import ConfigChoice, configured
+from bmd_rths_nodes.cli.interrupts import collected_interrupts
 from bmd_rths_nodes.cli.options import json_option, log
 
 if TYPE_CHECKING:
@@ -114,14 +115,16 @@ def _driven(config: Config) -> Responses:
     by_steps = config.run.lockstep or config.table.controller == "simulated"
     commands = pulse_commands(config)
     log(f"three slow pulses of {len(commands) * config.run.time_step:.0f} s in all (Ctrl-C stops them)")
-    return drive(
-        make_patient_table_controller(config),
-        make_supervisor(config),
-        commands,
-        config.run.time_step,
-        clock=None if by_steps else MonotonicClock(),
-        calibration=make_calibration(config),
-    )
+    with collected_interrupts() as interrupts:
+        return drive(
+            make_patient_table_controller(config),
+            make_supervisor(config),
+            commands,
+            config.run.time_step,
+            clock=None if by_steps else MonotonicClock(),
+            stops_asked=lambda: len(interrupts),
+            calibration=make_calibration(config),
+        )
 
 
 def _findings(responses: Responses, config: Config) -> list[Finding]:

@@ -78,6 +78,9 @@ class TableDriverNode(StageNode):
 
     def reset_stage(self) -> None:
         """Make the table ready for step 0."""
+        if self._driver.moving:  # of a bag that is played, say: it must not make the driver forget its table
+            self.on_disturbance("another test begins while the table moves")
+            return
         self._forget_the_last_test()
         try:
             self._driver.arm()
@@ -181,11 +184,17 @@ class TableDriverNode(StageNode):
             if not moves:
                 return "the table is at rest; no test begins before a reset"
             return f"the table is brought to rest, {self._since()}"
-        if driver.supervisor.state is State.HOLDING:
+        held, latched = driver.supervisor.state is State.HOLDING, ""
+        if self.state is NodeState.ENDED:
+            driver.stop(Action.RAMP, Outcome.STOPPED, "stopped by the operator", now)
+            self._tell_changes()
+            latched = "; no test begins before a reset"
+        elif held:
             driver.finish(Action.RAMP, now)
-            return "the hold has ended; the table is brought back to zero displacement"
+        if held:
+            return f"the hold has ended; the table is brought back to zero displacement{latched}"
         if driver.moving:
-            return "the table is on its way to rest already"
+            return f"the table is on its way to rest already{latched}"
         return driver.stop_problem or "the table is at rest already"
 
     def _on_emergency_stop(self) -> str:
@@ -243,10 +252,12 @@ class TableDriverNode(StageNode):
         # A numerical substructure that is gone has no test any more.
         running = peer.state is NodeState.RUNNING
         self._test_runs_until = time.perf_counter() + 2.0 * STATUS_PERIOD if running else 0.0
-        ended = peer.state in (NodeState.ENDED, NodeState.INACTIVE)
-        if ended and self._driver.state is DriveState.FOLLOWING:
+        if peer.state not in (NodeState.ENDED, NodeState.INACTIVE):
+            return
+        action = _ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP)
+        severer = action is Action.EMERGENCY_STOP and self._driver.moving  # than what the driver has begun by itself
+        if self._driver.state is DriveState.FOLLOWING or severer:
             self._test_ended = True
-            action = _ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP)
             # A table that moves is brought to rest before anything else. Of one that stands it is told first that the
             # test has ended, because the confirmation of its stop may take long.
             if action is not Action.EMERGENCY_STOP and self._driver.supervisor.stands:

@@ -110,6 +110,7 @@ class StageNode(ManagedNode):
         if self.end_of_test.outcome:  # it follows another one, for which the same words were said
             self._said = ""
         self.end_of_test = EndOfTest(self.config.run.record)
+        self.order.expect_new_test()
 
     def on_missed_beginning(self) -> None:
         """Take note of a test that began without this node."""
@@ -165,9 +166,9 @@ class StageNode(ManagedNode):
         """Subscribe a stage to a topic; `step` gets step index and value, in the order of the steps.
 
         Messages that are malformed, repeated or older than the last one are counted and dropped; skipped steps are
-        counted as lost. Step 0 after a later one begins a new test, unless another topic says so earlier
-        (`begins_test`). With `newest_only`, a message that was not read in time is skipped when a newer one is there;
-        in lockstep there never is.
+        counted as lost. Step 0 after a later one, and the first step of a test that was offered since, begin a new test
+        unless another topic says so earlier (`begins_test`). With `newest_only`, a message that was not read in time is
+        skipped when a newer one is there; in lockstep there never is.
         """
         unpack = codec_of(topic, self.config).unpack
         name = topic.name

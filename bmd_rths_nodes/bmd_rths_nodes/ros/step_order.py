@@ -12,7 +12,7 @@ class Taken(NamedTuple):
     """A step whose turn it is."""
 
     step: int
-    begins_anew: bool  # step 0 after a later one
+    begins_anew: bool  # step 0 after a later one, or the first one of a new test
 
 
 class StepOrder:
@@ -36,7 +36,12 @@ class StepOrder:
     def forget(self) -> None:
         """Begin to count anew."""
         self._expected: dict[str, int] = {}
+        self._of_last_test: set[str] = set()
         self.steps = self.lost = self.out_of_order = self.malformed = 0
+
+    def expect_new_test(self) -> None:
+        """Take the next smaller step of each topic for one of a new test, whose step 0 may be lost or be repeated."""
+        self._of_last_test = set(self._expected)
 
     def take(self, topic: str, stamp: int) -> Taken | None:
         """Take the step of a message.
@@ -62,12 +67,14 @@ class StepOrder:
         if index is None:
             raise MalformedMessage(f"stamp {stamp} ns is not that of a step")
         expected = self._expected.get(topic, 0)
-        begins_anew = index == 0 and expected > 1
-        if index < expected and not begins_anew:
+        begins_anew = (index < expected and topic in self._of_last_test) or (index == 0 and expected > 1)
+        if begins_anew:
+            self._of_last_test.discard(topic)
+            expected = 0
+        if index < expected:
             self.out_of_order += 1
             return None
-        if index > expected:
-            self.lost += index - expected
+        self.lost += index - expected
         self._expected[topic] = index + 1
         self.steps += 1
         return Taken(index, begins_anew)
