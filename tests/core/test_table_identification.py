@@ -112,6 +112,21 @@ def test_pure_delay_spares_order():
     assert sections_response(model, TO_15_HZ) == pytest.approx(true_response(config, TO_15_HZ), rel=0.01)
 
 
+def test_pole_far_below_the_band_is_left_out_with_its_zero():
+    """A washout at 0.03 Hz leads by 5 degrees at the lowest line, and a pole there says so at any order."""
+    slow = (0.0, 1.0, -0.05, 0.0, 1.0, 0.2)
+    sections = (0.0, 0.0, 60.0, 0.0, 1.0, 60.0, *slow)
+    config = Config().changed(
+        simulated_table__dynamics="sections", simulated_table__sections=sections, simulated_table__command_delay=0.0
+    )
+    asked, chosen = identified(config, order=2, duration=120.0), identified(config, duration=120.0)
+    assert np.abs(asked.rational.poles).min() < 0.1 * BAND[0]
+    assert np.abs(chosen.rational.poles).min() > 0.1 * BAND[0]
+    assert np.abs(sections_response(chosen, TO_15_HZ[100:]) / true_response(config, TO_15_HZ[100:]) - 1).max() < 0.1
+    assert sections_response(chosen, np.array([1e-3]))[0].real == pytest.approx(1.0, abs=0.05)
+    assert sections_response(asked, np.array([1e-3]))[0].real < 0.0
+
+
 def test_sweep_identifies_too():
     model = identified(SERVO, kind="sweep", amplitude=0.4, order=3)
     assert sections_response(model, TO_15_HZ) == pytest.approx(true_response(SERVO, TO_15_HZ), rel=0.02)

@@ -164,7 +164,7 @@ def identified_plant(config: Config, random: np.random.Generator) -> dict[str, o
     ]
     relative = {"specimen_stiffness_factor": stories[0], "specimen_damping_factor": stories[1]}
     delay = 0.0
-    if model.table_deviations:
+    if model.table_deviations and model.table == "interacting_servo":
         names = ("gain", "servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass")
         relative |= {n: d / getattr(model, n) for n, d in zip(names, model.table_deviations, strict=False)}
         relative["command_gain"] = relative.pop("gain")

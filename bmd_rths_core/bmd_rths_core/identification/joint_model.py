@@ -21,7 +21,12 @@ from scipy.signal.windows import tukey
 
 from bmd_rths_core.identification.excited_table import Responses
 from bmd_rths_core.identification.frequency_response import ComplexArray, FloatArray, hold
-from bmd_rths_core.identification.joint_tables import SERVO, FittedSections, FittedServo, FittedTable
+from bmd_rths_core.identification.joint_tables import (
+    FittedHydraulicServo,
+    FittedSections,
+    FittedServo,
+    FittedTable,
+)
 from bmd_rths_core.identification.specimen_model import SpecimenModel, floor_transmissibility
 from bmd_rths_core.identification.spectral_lines import TAPER, averaged_response, tapered_transform
 from bmd_rths_core.identification.table_model import TableModel
@@ -50,9 +55,9 @@ class JointModel:
     Parameters
     ----------
     table : str
-        ``"interacting_servo"`` or ``"sections"``.
+        ``"interacting_servo"``, ``"hydraulic_servo"`` or ``"sections"``.
     servo : dict of str to float
-        Values of `SERVO`; empty for sections.
+        Values of the table by name; empty for sections.
     servo_deviations : dict of str to float
         Their standard deviations.
     sections : tuple of float
@@ -104,7 +109,7 @@ class JointModel:
         values["stiffnesses"] = [float(f"{value:.8g}") for value in self.building.stiffnesses]
         values["damping_coefficients"] = [float(f"{value:.6g}") for value in self.building.damping_coefficients]
         deviations = {
-            "table": [self.servo_deviations[name] for name in SERVO] if self.servo else [],
+            "table": list(self.servo_deviations.values()),
             "stiffness": self.stiffness_deviations.tolist(),
             "damping": self.damping_deviations.tolist(),
         }
@@ -136,17 +141,21 @@ def identify_joint(
     lines = _Lines(responses, band)
     masses = np.asarray(specimen.building.masses)
     stories = np.concatenate((specimen.building.stiffnesses, np.maximum(specimen.building.damping_coefficients, 1.0)))
-    servo, sections = FittedServo(), FittedSections(table.sections, table.rational.delay)
-    alone = min((_table_fit(lines, servo, first, masses, stories) for first in _starts(masses)), key=_Fit.cost)
+    sections = FittedSections(table.sections, table.rational.delay)
     chain = _table_fit(lines, sections, sections.values, masses, stories)
-    fits: list[tuple[_Fit, FittedSections | None]] = []
+    fits: list[tuple[_Fit, FittedTable]] = []
 
     def left(table: FittedTable, fit: _Fit) -> float:
         simulated = _simulation(lines, table, len(fit.values), masses)(np.concatenate((fit.values, stories)))
         return float(np.sum(np.abs(simulated) ** 2))
 
-    if alone.cost() < _COMPETES * chain.cost() and left(servo, alone) < _COMPETES_SIMULATED * left(sections, chain):
-        fits.append((_joint_fit(lines, servo, alone.values, masses, stories), None))
+    simpler = np.inf
+    for servo, starts in ((FittedServo(), _starts(masses)), (FittedHydraulicServo(), _hydraulic_starts(masses))):
+        alone = min((_table_fit(lines, servo, first, masses, stories) for first in starts), key=_Fit.cost)
+        competes = alone.cost() < _COMPETES * chain.cost() and alone.criterion() < simpler
+        if competes and left(servo, alone) < _COMPETES_SIMULATED * left(sections, chain):
+            fits.append((_joint_fit(lines, servo, alone.values, masses, stories), servo))
+        simpler = alone.criterion()
     fits.append((_joint_fit(lines, sections, chain.values, masses, stories), sections))
     return _model(lines, masses, *min(fits, key=lambda pair: pair[0].criterion()))
 
@@ -230,6 +239,15 @@ def _starts(masses: FloatArray) -> list[FloatArray]:
     ]
 
 
+def _hydraulic_starts(masses: FloatArray) -> list[FloatArray]:
+    total = float(masses.sum())
+    return [
+        np.array([1.0, 40.0, 160.0, 5.0, mass * total, valve, 0.7, 1e-3, _FIRST_DELAY])
+        for mass in _FIRST_MASSES
+        for valve in (100.0, 300.0)
+    ]
+
+
 def _table_fit(lines: _Lines, table: FittedTable, first: FloatArray, masses: FloatArray, stories: FloatArray) -> _Fit:
     """Return the table that fits best with stories that are kept."""
     directions = floor_transmissibility(lines.s, masses, stories)
@@ -305,16 +323,17 @@ def _least_squares(
     return solution.x * first, np.abs(first) * spread
 
 
-def _model(lines: _Lines, masses: FloatArray, fit: _Fit, sections: FittedSections | None) -> JointModel:
-    """Return the model of a fit; without sections its table is a servo."""
+def _model(lines: _Lines, masses: FloatArray, fit: _Fit, table: FittedTable) -> JointModel:
+    """Return the model of a fit."""
     own = 2 * len(masses)
     stiffness, damping = np.split(fit.values[-own:], 2)
     of_stiffness, of_damping = np.split(fit.deviations[-own:], 2)
-    servo = dict(zip(SERVO, fit.values.tolist(), strict=False)) if sections is None else {}
-    spread = dict(zip(SERVO, fit.deviations.tolist(), strict=False)) if sections is None else {}
+    servo = dict(zip(table.names, fit.values.tolist(), strict=False))
+    spread = dict(zip(table.names, fit.deviations.tolist(), strict=False))
+    sections = table if isinstance(table, FittedSections) else None
     measured = float(np.sum(np.abs(lines.accelerations) ** 2)) / lines.power
     return JointModel(
-        table="interacting_servo" if sections is None else "sections",
+        table=table.name,
         command_delay=servo.pop("command_delay") if sections is None else sections.delay,
         servo=servo,
         servo_deviations=spread,

@@ -1,18 +1,21 @@
-"""Structures of a table that can be fitted together with its specimen: a servo that is pulled at, or sections."""
+"""Structures of a table that can be fitted together with its specimen: servos that are pulled at, or sections."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from bmd_rths_core.identification.frequency_response import ComplexArray, FloatArray
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import SECTION_LENGTH, series
-from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
+from bmd_rths_core.table.models.plant import HydraulicServo, Plant, driven_plant, hydraulic_plant, interacting_plant
 
 #: Parameters of the servo, in front of those of the stories.
 SERVO = ("gain", "servo_real_pole", "servo_frequency", "servo_damping_ratio", "platen_mass", "command_delay")
+
+#: Parameters of the hydraulic servo, likewise.
+HYDRAULIC_SERVO = ("gain", *HydraulicServo._fields, "command_delay")
 
 
 def servo_response(frequencies: FloatArray, servo: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
@@ -70,8 +73,82 @@ def servo_changes(frequencies: FloatArray, servo: FloatArray, apparent_mass: Com
     return np.asarray(response[:, None] * np.column_stack((*relative, -s)))
 
 
+def hydraulic_response(frequencies: FloatArray, servo: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+    """Return the response of a hydraulic servo table that a specimen pulls at, from command to acceleration.
+
+    Parameters
+    ----------
+    frequencies : ndarray, shape (n,)
+        ω [rad/s].
+    servo : ndarray, shape (9,)
+        Values of `HYDRAULIC_SERVO`.
+    apparent_mass : ndarray of complex, shape (n,)
+        −f / a_t of the specimen [kg].
+
+    Returns
+    -------
+    ndarray of complex, shape (n,)
+
+    Notes
+    -----
+    `table.models.plant.hydraulic_plant` in the frequency domain: with μ = 1 + apparent mass / M and the inverse of the
+    valve v = (s/ω_v)² + 2 ζ_v s/ω_v + 1, a_t / u = ω_o² K_p / (μ s² (v (s + c) + ω_o² K_d) + ω_o² (v s + K_p)).
+    """
+    gain, proportional, oil, leak, mass, valve, damping, feedback, delay = servo
+    s = 1j * frequencies
+    inverse = (s / valve) ** 2 + 2.0 * damping * s / valve + 1.0
+    loaded = (1.0 + apparent_mass / mass) * s**2 * (inverse * (s + leak) + oil**2 * feedback)
+    numerator = oil**2 * proportional
+    return np.asarray(gain * numerator * np.exp(-s * delay) / (loaded + oil**2 * inverse * s + numerator))
+
+
+def hydraulic_changes(frequencies: FloatArray, servo: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+    """Return the derivatives of this response over the values of the servo.
+
+    Parameters
+    ----------
+    frequencies, servo, apparent_mass
+        As for `hydraulic_response`.
+
+    Returns
+    -------
+    ndarray of complex, shape (n, 9)
+    """
+    gain, proportional, oil, leak, mass, valve, damping, feedback, _ = servo
+    s = 1j * frequencies
+    inverse = (s / valve) ** 2 + 2.0 * damping * s / valve + 1.0
+    loaded, column = (1.0 + apparent_mass / mass) * s**2, oil**2
+    moved = inverse * (s + leak) + column * feedback
+    denominator = loaded * moved + column * (inverse * s + proportional)
+    by_inverse = -(loaded * (s + leak) + column * s) / denominator
+    relative = (
+        np.full_like(s, 1.0 / gain),
+        1.0 / proportional - column / denominator,
+        2.0 / oil - 2.0 * oil * (loaded * feedback + inverse * s + proportional) / denominator,
+        -loaded * inverse / denominator,
+        apparent_mass / mass**2 * s**2 * moved / denominator,
+        by_inverse * (-2.0 * s**2 / valve**3 - 2.0 * damping * s / valve**2),
+        by_inverse * 2.0 * s / valve,
+        -loaded * column / denominator,
+        -s,
+    )
+    response = hydraulic_response(frequencies, servo, apparent_mass)
+    return np.asarray(response[:, None] * np.column_stack(relative))
+
+
 class FittedTable(Protocol):
-    """A structure of the table, with values to be found."""
+    """A structure of the table, with values to be found.
+
+    Attributes
+    ----------
+    name : str
+        As `identified_model.table` has it.
+    names : tuple of str
+        Of the values, where each is a parameter of its own.
+    """
+
+    name: ClassVar[str]
+    names: ClassVar[tuple[str, ...]] = ()
 
     def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
         """Return the response from command to acceleration.
@@ -114,6 +191,8 @@ class FittedTable(Protocol):
 class FittedServo(FittedTable):
     """A third-order servo that the specimen pulls at; its values are those of `SERVO`."""
 
+    name, names = "interacting_servo", SERVO
+
     def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
         """Return the response of the servo."""
         return servo_response(frequencies, values, apparent_mass)
@@ -129,6 +208,26 @@ class FittedServo(FittedTable):
         return plant._replace(b=gain * plant.b), delay
 
 
+class FittedHydraulicServo(FittedTable):
+    """A servo with oil column and servovalve that the specimen pulls at; its values are those of `HYDRAULIC_SERVO`."""
+
+    name, names = "hydraulic_servo", HYDRAULIC_SERVO
+
+    def response(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+        """Return the response of the servo."""
+        return hydraulic_response(frequencies, values, apparent_mass)
+
+    def changes(self, frequencies: FloatArray, values: FloatArray, apparent_mass: ComplexArray) -> ComplexArray:
+        """Return the derivatives of the servo."""
+        return hydraulic_changes(frequencies, values, apparent_mass)
+
+    def plant(self, values: FloatArray, specimen: ShearBuilding) -> tuple[Plant, float]:
+        """Return servo and specimen."""
+        gain, *servo, delay = values.tolist()
+        plant = hydraulic_plant(HydraulicServo(*servo), specimen)
+        return plant._replace(b=gain * plant.b), delay
+
+
 class FittedSections(FittedTable):
     """A table of sections in series, with every coefficient that is neither 0 nor a leading 1 as a value.
 
@@ -139,6 +238,8 @@ class FittedSections(FittedTable):
     delay : float
         Pure delay [s].
     """
+
+    name = "sections"
 
     def __init__(self, sections: tuple[float, ...], delay: float) -> None:
         self._rows, self._delay = np.array(sections).reshape(-1, SECTION_LENGTH), delay

@@ -127,6 +127,31 @@ class RationalFit:
                 break
         return best
 
+    def without_slow_poles(self, model: RationalModel, slowest: float) -> RationalModel:
+        """Return the best model near a model without its poles below a frequency, and with as many zeros less.
+
+        Parameters
+        ----------
+        model : RationalModel
+            A model of these lines.
+        slowest : float
+            Frequency, well below that of the lines, below which a pole is a guess [rad/s].
+
+        Returns
+        -------
+        RationalModel
+            The given one where it has no such poles, or no others.
+        """
+        poles = model.poles[model.poles.imag >= 0.0]
+        kept = poles[np.abs(poles) >= slowest]
+        if len(kept) == len(poles) or not len(kept):
+            return model
+        guess = _parameters(kept / self._scale)
+        degree = max(0, model.degree - (model.order - len(guess)))
+        guess = np.append(guess, model.delay * self._scale)
+        found = self._improved(guess, len(guess) - 1, degree, model.delay > 0.0)
+        return self.without_slow_poles(found, slowest) if found.delay >= 0.0 else model
+
     def delayed_model(self, order: int, largest: float) -> RationalModel:
         """Return the best model of an order with a pure delay.
 

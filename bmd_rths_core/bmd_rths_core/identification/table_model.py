@@ -32,6 +32,10 @@ LARGEST_ORDER = 12
 #: A pure delay is looked for up to this one [s].
 _LARGEST_DELAY = 0.05
 
+#: Poles so far below the lowest line are left out: a zero beside one, of either sign, would have the table answer slow
+#: commands as nothing has shown, and the lines do without both.
+_SLOWEST = 0.1
+
 #: Orders without a better criterion after which the search ends.
 _PATIENCE = 2
 
@@ -189,7 +193,10 @@ def fitted_model(
     """
     fit = RationalFit(lines)
     first, criterion = _best_model(fit, order, highest)
-    model = RationalFit(lines.reweighted(first.response(lines.frequencies))).improved(first)
+    reweighted = RationalFit(lines.reweighted(first.response(lines.frequencies)))
+    model = reweighted.improved(first)
+    if order is None:
+        model = reweighted.without_slow_poles(model, _SLOWEST * float(lines.frequencies[0]))
     difference = measured.response - model.response(measured.frequencies)
     error = np.sum(measured.coherence * np.abs(difference) ** 2)
     error /= np.sum(measured.coherence * np.abs(measured.response) ** 2)

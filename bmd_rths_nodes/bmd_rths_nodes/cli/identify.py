@@ -280,8 +280,11 @@ def _remarks(result: dict[str, Any]) -> list[str]:
 
 
 def _structure(together: dict[str, Any]) -> str:
-    servo = together["table"] == "interacting_servo"
-    return "a servo that the specimen pulls at" if servo else "a table of sections"
+    return {
+        "interacting_servo": "a servo that the specimen pulls at",
+        "hydraulic_servo": "a servo with oil column and servovalve that the specimen pulls at",
+        "sections": "a table of sections",
+    }[together["table"]]
 
 
 def _show(result: dict[str, Any], as_json: bool) -> None:

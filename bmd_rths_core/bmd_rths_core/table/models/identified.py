@@ -22,7 +22,7 @@ from bmd_rths_core.physical_bounds import (
 from bmd_rths_core.structure.linear_building import LinearBuilding
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.dynamics import series
-from bmd_rths_core.table.models.plant import Plant, driven_plant, interacting_plant
+from bmd_rths_core.table.models.plant import HydraulicServo, Plant, driven_plant, hydraulic_plant, interacting_plant
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class IdentifiedModelConfig:
 
     table: str = parameter(
         "none",
-        description="Structure of the identified table: none yet, a third-order servo that the specimen pulls at, or "
-        "the sections given",
-        choices=("none", "interacting_servo", "sections"),
+        description="Structure of the identified table: none yet, a third-order servo that the specimen pulls at, the "
+        "same with oil column and servovalve, or the sections given",
+        choices=("none", "interacting_servo", "hydraulic_servo", "sections"),
     )
     gain: float = parameter(
         1.0, description="Gain of the servo at zero frequency", unit="1", source="bmd-rths identify", **POSITIVE_FACTOR
@@ -64,6 +64,50 @@ class IdentifiedModelConfig:
         source="bmd-rths identify",
         **MASS,
     )
+    proportional_gain: float = parameter(
+        40.0,
+        description="Hydraulic servo: valve velocity per displacement error",
+        unit="1/s",
+        source="bmd-rths identify",
+        **POLE,
+    )
+    oil_frequency: float = parameter(
+        160.0,
+        description="Hydraulic servo: natural frequency of platen and oil column",
+        unit="rad/s",
+        source="bmd-rths identify",
+        **POLE,
+    )
+    leakage_rate: float = parameter(
+        5.0,
+        description="Hydraulic servo: share of the load pressure that leaks in a second",
+        unit="1/s",
+        source="bmd-rths identify",
+        lower=0.0,
+        upper=1e4,
+    )
+    valve_frequency: float = parameter(
+        400.0,
+        description="Hydraulic servo: natural frequency of the servovalve",
+        unit="rad/s",
+        source="bmd-rths identify",
+        **POLE,
+    )
+    valve_damping_ratio: float = parameter(
+        0.7,
+        description="Hydraulic servo: damping ratio of the servovalve",
+        unit="1",
+        source="bmd-rths identify",
+        **POLE_DAMPING,
+    )
+    pressure_feedback: float = parameter(
+        0.0,
+        description="Hydraulic servo: valve velocity per acceleration the load pressure gives the platen",
+        unit="s",
+        source="bmd-rths identify",
+        lower=0.0,
+        upper=10.0,
+    )
     sections: tuple[float, ...] = parameter(
         (),
         description="Analog sections in series, rows of b2 b1 b0 a2 a1 a0, used when table is sections",
@@ -91,7 +135,9 @@ class IdentifiedModelConfig:
     table_deviations: tuple[float, ...] = parameter(
         (),
         description="Standard deviations of gain, servo_real_pole, servo_frequency, servo_damping_ratio, platen_mass "
-        "and command_delay, for studies of robustness; none where they are not known",
+        "and command_delay, for studies of robustness; of a hydraulic servo those of gain, proportional_gain, "
+        "oil_frequency, leakage_rate, platen_mass, valve_frequency, valve_damping_ratio, pressure_feedback and "
+        "command_delay; none where they are not known",
         unit="of each",
         source="bmd-rths identify",
         lower=0.0,
@@ -142,7 +188,8 @@ class IdentifiedModelConfig:
                 f"they have {len(self.stiffnesses)} and {len(self.damping_coefficients)} entries"
             )
         stories = len(self.stiffnesses)
-        for name, expected in (("table", 6), ("stiffness", stories), ("damping", stories)):
+        of_table = 9 if self.table == "hydraulic_servo" else 6
+        for name, expected in (("table", of_table), ("stiffness", stories), ("damping", stories)):
             entries = len(getattr(self, f"{name}_deviations"))
             if entries not in (0, expected):
                 raise InputError(
@@ -183,6 +230,9 @@ class IdentifiedModelConfig:
             return None
         if self.table == "sections":
             return driven_plant(series(self.sections), specimen)
-        servo = self.servo_real_pole, self.servo_frequency, self.servo_damping_ratio
-        plant = interacting_plant(*servo, self.platen_mass, specimen)
+        if self.table == "hydraulic_servo":
+            plant = hydraulic_plant(HydraulicServo(*(getattr(self, n) for n in HydraulicServo._fields)), specimen)
+        else:
+            servo = self.servo_real_pole, self.servo_frequency, self.servo_damping_ratio
+            plant = interacting_plant(*servo, self.platen_mass, specimen)
         return plant._replace(b=self.gain * plant.b)

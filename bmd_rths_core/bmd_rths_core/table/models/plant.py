@@ -96,6 +96,72 @@ def interacting_plant(
     return _with_specimen(a, np.array([gain, 0.0, 0.0]), acceleration, 0.0, specimen)
 
 
+class HydraulicServo(NamedTuple):
+    """A displacement-controlled table with oil column and servovalve.
+
+    Parameters
+    ----------
+    proportional_gain : float
+        K_p, valve velocity per displacement error [1/s].
+    oil_frequency : float
+        ω_o of platen and oil column [rad/s].
+    leakage_rate : float
+        c, share of the load pressure that leaks in a second [1/s].
+    platen_mass : float
+        Mass of platen and piston M > 0 [kg].
+    valve_frequency : float
+        ω_v of the servovalve [rad/s].
+    valve_damping_ratio : float
+        ζ_v of the servovalve [1].
+    pressure_feedback : float
+        K_d, valve velocity per acceleration that the load pressure gives the platen [s].
+    """
+
+    proportional_gain: float
+    oil_frequency: float
+    leakage_rate: float
+    platen_mass: float
+    valve_frequency: float
+    valve_damping_ratio: float
+    pressure_feedback: float
+
+
+def hydraulic_plant(servo: HydraulicServo, specimen: LinearBuilding) -> Plant:
+    """Return a hydraulic servo table, its valve not infinitely fast, that its specimen pulls at.
+
+    Parameters
+    ----------
+    servo : HydraulicServo
+        The table.
+    specimen : LinearBuilding
+        n floors.
+
+    Returns
+    -------
+    Plant
+
+    Notes
+    -----
+    As `interacting_plant`, with ẏ = ω_o² (q − ẋ) − c y and the opening of the valve q as the velocity it gives without
+    load, q̈ = ω_v² (K_p (r − x) − K_d y − q) − 2 ζ_v ω_v q̇ (Merritt 1967, "Hydraulic Control Systems", ch. 6; Conte and
+    Trombetti 2000, Earthq. Eng. Struct. Dyn. 29, 1041-1063). The states are w = K_p (ṙ − ẋ), z = K_p (r − x) − ẋ, q̇,
+    q − ẋ and y. Unlike the servo without a valve it is not stable with any values.
+    """
+    size = 5 + 2 * specimen.stories
+    acceleration = np.zeros(size)
+    acceleration[4] = 1.0
+    acceleration[5:] = -np.asarray(specimen.masses) @ specimen.relative_motion()[2] / servo.platen_mass
+    valve = servo.valve_frequency
+    a = np.zeros((5, size))
+    a[0] = -servo.proportional_gain * acceleration
+    a[1] = a[3] = -acceleration
+    a[1, 0] += 1.0
+    a[2, 1:5] = valve**2 * np.array([1.0, -2.0 * servo.valve_damping_ratio / valve, -1.0, -servo.pressure_feedback])
+    a[3, 2] += 1.0
+    a[4, 3], a[4, 4] = servo.oil_frequency**2, -servo.leakage_rate
+    return _with_specimen(a, np.array([servo.proportional_gain, 0.0, 0.0, 0.0, 0.0]), acceleration, 0.0, specimen)
+
+
 def commanded_through(filtered: StateSpace, plant: Plant) -> Plant:
     """Return a plant whose command goes through something first.
 
