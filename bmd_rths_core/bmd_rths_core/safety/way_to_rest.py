@@ -27,6 +27,8 @@ _GENTLE = {"ramp_acceleration": 0.5, "ramp_jerk": 50.0}
 #: A busy computer leaves as much of what little there is as it takes away, unless the way is gentler still.
 _GENTLER = {"ramp_acceleration": 0.05, "ramp_jerk": 5.0}
 _LITTLE_VELOCITY, _LITTLE_DISPLACEMENT = 0.01, 0.005  # m/s, m
+#: A busy computer leaves no more than this after a gentle way, as `_size` has it [m].
+_MOST_BY_A_BUSY_COMPUTER = 0.02
 
 #: `stop_commands` or `ramp_commands`.
 Planner = Callable[[Motion, SafetyConfig, float], NDArray[np.float64]]
@@ -78,6 +80,7 @@ class WayToRest:
         self._planned = REST
         self._corrections = 0
         self._found: Motion | None = None
+        self._made_worse = 0
         self.led_away: tuple[Motion, Motion] | None = None
         self._watched_from = self._watched_until = -1
         self._settling.reset()
@@ -132,7 +135,7 @@ class WayToRest:
         """
         if self._plan is None or self._strayed(motion):
             self._begin(motion, planner, self._config)
-            self._corrections, self._watched_from, self._found = 0, -1, None
+            self._corrections, self._watched_from, self._found, self._made_worse = 0, -1, None, 0
         elif not self._plan and self._correctable(motion, planner):
             self._begin(motion, planner, self._gently(motion))
             self._corrections += 1
@@ -156,7 +159,9 @@ class WayToRest:
         before, self._found = self._found, found
         if found is None or abs(found.displacement) > self._config.displacement_limit:
             return None
-        if before is not None and not _is_little(found) and _size(found) >= _size(before):
+        worse = before is not None and not _is_little(found) and _size(found) >= _size(before)
+        self._made_worse = self._made_worse + 1 if worse else 0
+        if before is not None and worse and (self._made_worse > 1 or _size(found) > _MOST_BY_A_BUSY_COMPUTER):
             self.led_away = before, found
             return None
         in_time = (self._watched_until - self._watched_from) * self._time_step < CORRECTION_TIME
@@ -182,7 +187,8 @@ class WayToRest:
         return self._pop()
 
     def _gently(self, motion: Motion) -> SafetyConfig:
-        return self._gentler if _is_little(motion) else self._gentle
+        # A way that is gentler still tells a busy computer, which may have made it worse, from a wrong sensor.
+        return self._gentler if _is_little(motion) or self._made_worse else self._gentle
 
     def _begin(self, motion: Motion, planner: Planner | None, config: SafetyConfig) -> None:
         """Plan the commands, the last one first."""
