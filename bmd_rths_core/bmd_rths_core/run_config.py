@@ -82,6 +82,10 @@ class RunConfig:
         return StepStamps(self.time_step)
 
 
+#: Shortest time slice that Linux gives to a thread of the ordinary scheduler [s].
+SHORTEST_TIME_SLICE = 1e-4
+
+
 @dataclass(frozen=True)
 class RealTimeConfig:
     """What the processes of the loop ask Linux for in real time; each may have its own."""
@@ -99,6 +103,15 @@ class RealTimeConfig:
     lock_memory: bool = parameter(
         False, description="Keep the memory of a process from being moved to disk", source="mlockall(2)"
     )
+    time_slice: float = parameter(
+        SHORTEST_TIME_SLICE,
+        description="Time that the ordinary scheduler lets a thread of the loop run before others: the shorter, the "
+        "sooner it runs when a message comes. Linux 6.12 or later; 0 leaves it to the kernel",
+        unit="s",
+        source="sched_setattr(2), EEVDF",
+        lower=0.0,
+        upper=0.1,
+    )
     processor: int = parameter(
         -1,
         description="Number of the processor that the loop of a process stays on; -1 leaves that to the kernel",
@@ -111,6 +124,10 @@ class RealTimeConfig:
     def __post_init__(self) -> None:
         """Check the values."""
         check_parameters(self)
+        if 0.0 < self.time_slice < SHORTEST_TIME_SLICE:
+            raise InputError(
+                f"real_time.time_slice: {self.time_slice:g} s; 0, or {SHORTEST_TIME_SLICE:g} s or more, is required"
+            )
 
 
 @dataclass(frozen=True)

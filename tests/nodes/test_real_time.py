@@ -8,6 +8,7 @@ import pytest
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.run_config import RealTimeConfig
+from bmd_rths_nodes.hardware.time_slice import shorten_time_slices
 from bmd_rths_nodes.ros.real_time import enter_real_time
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
@@ -66,8 +67,59 @@ def test_processor_that_is_not_there_is_refused():
 
 def test_nothing_wanted_changes_nothing():
     before = os.sched_getscheduler(0), os.sched_getaffinity(0)
-    assert enter_real_time(RealTimeConfig()) == []
+    assert enter_real_time(RealTimeConfig(time_slice=0.0)) == []
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
+
+
+#: Take a time slice beside a thread that is there and before one that comes, and tell what each has [ns].
+ASK_FOR_A_SLICE = """
+import ctypes, os, sys, threading
+from bmd_rths_nodes.hardware.time_slice import _ATTRIBUTES, _CALLS, shorten_time_slices
+
+def tell():
+    got = ctypes.create_string_buffer(_ATTRIBUTES.size)
+    ctypes.CDLL(None).syscall(_CALLS[os.uname().machine][1], 0, got, _ATTRIBUTES.size, 0)
+    print(_ATTRIBUTES.unpack(got.raw)[3:6:2])
+
+os.nice(3)
+going, ended = threading.Event(), threading.Event()
+def before():
+    going.set()
+    ended.wait()
+    tell()
+
+early = threading.Thread(target=before)
+early.start()
+going.wait()
+print(shorten_time_slices(float(sys.argv[1])))
+ended.set()
+early.join()
+late = threading.Thread(target=tell)
+late.start()
+late.join()
+tell()
+"""
+
+
+def test_time_slice_is_that_of_every_thread_and_leaves_its_niceness(start):
+    result = start("-c", ASK_FOR_A_SLICE, "0.0002").wait()
+    assert result.status == 0, result.errors
+    words, *threads = result.output.splitlines()
+    if tuple(map(int, os.uname().release.split("-")[0].split(".")[:2])) >= (6, 12):
+        assert words == "time slice 0.2 ms"
+        assert threads == ["(3, 200000)"] * 3
+    else:
+        assert words.startswith("time slice left to the kernel: ")
+
+
+def test_a_machine_whose_calls_are_not_known_is_told(monkeypatch):
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
+    assert shorten_time_slices(1e-4) == "time slice left to the kernel: not known how to ask for it on riscv64"
+
+
+def test_a_time_slice_that_linux_has_not_is_refused():
+    with pytest.raises(InputError, match=r"^real_time.time_slice: 5e-05 s; 0, or 0.0001 s or more, is required$"):
+        RealTimeConfig(time_slice=5e-5)
 
 
 @pytest.mark.slow

@@ -111,7 +111,9 @@ def _driven(config: Config) -> Responses:
     from bmd_rths_core.loop.build import make_calibration, make_supervisor
     from bmd_rths_nodes.hardware.clock import MonotonicClock
     from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
+    from bmd_rths_nodes.hardware.time_slice import shorten_time_slices
 
+    shorten_time_slices(config.real_time.time_slice)
     by_steps = config.run.lockstep or config.table.controller == "simulated"
     commands = pulse_commands(config)
     log(f"three slow pulses of {len(commands) * config.run.time_step:.0f} s in all (Ctrl-C stops them)")

@@ -45,6 +45,7 @@ def emulate(
     changed at run time on the control port.
     """
     from bmd_rths_core.table.wire import Interlock, interlock_names
+    from bmd_rths_nodes.hardware.time_slice import shorten_time_slices
 
     resolved = choice.resolve()
     if plant is not None:
@@ -57,6 +58,7 @@ def emulate(
     if as_json:
         click.echo(json.dumps(ready))
     log(", ".join(f"{name} {value}" for name, value in ready.items()))
+    shorten_time_slices(resolved.real_time.time_slice)
     emulator.run(lambda: bool(ended))
     told = emulator.statistics()
     told["interlock"] = interlock_names(Interlock(told["interlock"])) if told["interlock"] else "none"

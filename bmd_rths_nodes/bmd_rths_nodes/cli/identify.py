@@ -157,7 +157,9 @@ def _drive(config: Config, excited: ExcitationSettings) -> Responses:
     from bmd_rths_core.table.config import LONGEST_ANSWER_TIMEOUT
     from bmd_rths_nodes.hardware.clock import MonotonicClock
     from bmd_rths_nodes.hardware.controllers import make_patient_table_controller
+    from bmd_rths_nodes.hardware.time_slice import shorten_time_slices
 
+    shorten_time_slices(config.real_time.time_slice)
     commands = excitation_command(excited, config.run.time_step)
     # A ramp does not hurt the specimen, and a controller whose answers are lost may hear the commands all the same.
     supervisor = make_supervisor(config.changed(safety__stale_controller_action=Action.RAMP.name.lower()))

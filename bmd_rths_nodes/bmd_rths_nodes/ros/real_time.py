@@ -7,6 +7,7 @@ import os
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.run_config import RealTimeConfig
+from bmd_rths_nodes.hardware.time_slice import shorten_time_slices
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
@@ -22,7 +23,7 @@ def enter_real_time(config: RealTimeConfig) -> list[str]:
     Returns
     -------
     list of str
-        What is in force, in words; empty when nothing is wanted.
+        What is in force, in words, and why a time slice is not; empty when nothing is wanted.
 
     Raises
     ------
@@ -53,4 +54,6 @@ def enter_real_time(config: RealTimeConfig) -> list[str]:
                 f"real_time.priority: {config.priority} is not permitted: {error.strerror}; raise the limit `ulimit -r`"
             ) from error
         in_force.append(f"SCHED_FIFO {config.priority}")
+    elif words := shorten_time_slices(config.time_slice):
+        in_force.append(words)
     return in_force
