@@ -114,6 +114,7 @@ def test_limits_end_a_run_as_they_end_that_of_the_loop(limit, action):
     assert record.stable or f"safety.{limit}_limit" in record.reason
 
 
+@pytest.mark.slow
 def test_limit_that_is_passed_late_ends_the_run():
     """The bounds remember what was before the chunk."""
     time = np.arange(5500) * DT

@@ -111,7 +111,8 @@ def test_a_sensor_that_is_wrong_is_found(values, steps):
     assert failed([*at_rest(responses, config), *polarity_and_scale(responses, config)]) == steps
 
 
-@pytest.mark.parametrize("limit", LIMITS)
+# The force comes near its limit slowly.
+@pytest.mark.parametrize("limit", [pytest.param(x, marks=pytest.mark.slow) if x == "force" else x for x in LIMITS])
 def test_every_limit_trips_when_it_is_passed(limit):
     finding = try_limit(Config(), limit)
     assert finding.passed, finding

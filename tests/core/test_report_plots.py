@@ -245,6 +245,7 @@ def test_close_up_holds_the_largest_response_or_what_was_chosen(run):
     assert dataclasses.replace(run, analysis=short).closely.begin == 0.0
 
 
+@pytest.mark.slow
 def test_figures_of_a_report_are_files_with_truetype_inside(run, tmp_path):
     document = run_report(run)
     names = list(figures_of(document))

@@ -2,7 +2,6 @@
 
 import sys
 
-import distributed
 import pytest
 
 from bmd_rths_core.campaign.motions import read_motions
@@ -27,6 +26,8 @@ def test_processes_give_the_same_results_in_any_order(study):
 
 @pytest.mark.slow
 def test_cluster_gives_the_same_results(study):
+    import distributed  # takes a second, which only this test needs
+
     expected = [result for piece in in_process(study.pieces(), PieceRunner(None)) for result in piece]
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         found = [r for piece in on_cluster(study.pieces(), PieceRunner(None), cluster.scheduler_address) for r in piece]

@@ -373,7 +373,8 @@ def test_node_settles_before_a_real_table_in_real_time_so_that_nobody_is_discove
 
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
     parameters = tmp_path / "parameters.yaml"
-    with emulator(LOCKSTEP.changed(run__lockstep=lockstep, run__record=False, run__settling_time=60.0)) as (_, config):
+    config = LOCKSTEP.changed(run__lockstep=lockstep, run__record=False, run__settling_time=60.0)
+    with emulator(config.changed(ground_motion__duration=2.0)) as (_, config):
         parameters.write_text(dump_config(config))
         loop = start("-m", "bmd_rths_nodes.nodes.composed_loop", "--ros-args", "--params-file", parameters)
         if lockstep:

@@ -159,14 +159,15 @@ def test_lockstep_waits_for_a_recorder_that_gets_no_turn(bmd_rths, tmp_path, cli
                 steps.append(int(values["step"]))
 
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=100))
-    child = bmd_rths("run", CONFIG, "--lockstep", "--composed", "--output", tmp_path, "--json")
+    duration = settings(ground_motion__duration=18.0)
+    child = bmd_rths("run", CONFIG, "--lockstep", "--composed", *duration, "--output", tmp_path, "--json")
     wait_until(lambda: begun(tmp_path))
     (recorder,) = (pid for pid, command in processes_of_domain(domain).items() if "recorder" in command)
     os.kill(recorder, signal.SIGSTOP)
     wait_until(lambda: client.spin_some() or (len(steps) > 2 and steps[-2] == steps[-1]))
     os.kill(recorder, signal.SIGCONT)
     assert 100 < steps[-1] < 3599
-    assert read_bag(finished(child)["bag"]).same_signals(in_process())
+    assert read_bag(finished(child)["bag"]).same_signals(in_process(ground_motion__duration=18.0))
 
 
 @pytest.mark.slow
