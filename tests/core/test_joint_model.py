@@ -29,7 +29,7 @@ from bmd_rths_core.identification.specimen_model import (
     transmissibility_changes,
 )
 from bmd_rths_core.identification.table_model import identify_table
-from bmd_rths_core.loop.build import make_interface_control, make_known, make_supervisor
+from bmd_rths_core.loop.build import make_command_shaper, make_interface_control, make_known, make_supervisor
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.servo_hydraulic import ServoHydraulicTable
@@ -234,6 +234,8 @@ def test_hydraulic_servo_is_what_a_compensator_gets():
     for one, other in zip(plant, expected, strict=True):
         np.testing.assert_array_equal(one, other)
     assert make_interface_control(config) is not None
+    for scheme in ("plc_tuned", "inverse", "ff_lqg", "ats", "amb"):
+        assert make_command_shaper(config.changed(run__scheme=scheme)) is not None
     with pytest.raises(InputError, match=r"table_deviations: 6 entries; 9 or none"):
         config.changed(identified_model__table_deviations=(0.1,) * 6)
 
