@@ -106,6 +106,11 @@ def test_parameters_that_are_set_exist_and_may_have_the_values(words):
     config.changed(**parsed_settings(settings_of(words)))
 
 
+def test_reference_has_every_command_once():
+    page = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| `bmd-rths ([a-z-]+)", page, flags=re.MULTILINE)) == sorted(COMMANDS)
+
+
 def every_option(command):
     """Return the options of a command and of its subcommands."""
     found = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
