@@ -117,6 +117,16 @@ class SafetySupervisor:
         return self._motion._replace(displacement=self._motion.displacement + known)
 
     @property
+    def hold(self) -> float:
+        """For how long a command on the way to rest is to be held [s]: Δt, and longer for a host that is always late."""
+        return self._way.hold
+
+    @property
+    def given_up(self) -> bool:
+        """True when commands were late so often that no way led to rest: the table controller has to stop the table."""
+        return self._way.given_up
+
+    @property
     def stands(self) -> bool:
         """True when the table stands at zero displacement by its commands, whatever is under way."""
         motion = self._motion
@@ -273,14 +283,14 @@ class SafetySupervisor:
         -------
         TableCommand or None
             For one step each; zero acceleration without end when a hold has come to rest, None when the table gets no
-            further command: at the end of a ramp and after an emergency stop.
+            further command: at the end of a ramp, after an emergency stop, and when no way has led to rest.
         """
         self._last_step += self._whole_steps(late)
         self._hold(late)
         if not self._motion.plausible:  # a ramp would have no end
             self._begin(Action.EMERGENCY_STOP)
         command = self._way.next(self._motion, _PLANNERS.get(self.state))
-        if command is None:
+        if command is None and not self.given_up:
             command = 0.0 if self.state is State.HOLDING else self._at_the_end()
         if command is None:
             self.state = State.STOPPED
