@@ -118,7 +118,7 @@ class SafetySupervisor:
 
     @property
     def hold(self) -> float:
-        """For how long a command on the way to rest is to be held [s]: Δt, and longer for a host that is always late."""
+        """For how long a command on the way to rest is to be held [s]: Δt, and longer for a host that comes late."""
         return self._way.hold
 
     @property
@@ -285,6 +285,9 @@ class SafetySupervisor:
             For one step each; zero acceleration without end when a hold has come to rest, None when the table gets no
             further command: at the end of a ramp, after an emergency stop, and when no way has led to rest.
         """
+        if self.state is State.HOLDING:  # without end: nothing else would notice a controller that is gone
+            trip = self._stale_controller(self._last_step + 1, self._last_step - self._last_measured)
+            self.record([trip] if trip is not None else [])
         self._last_step += self._whole_steps(late)
         self._hold(late)
         if not self._motion.plausible:  # a ramp would have no end
@@ -344,9 +347,9 @@ class SafetySupervisor:
         stale = self._stale_shear(step, silent)
         if stale is not None:
             trips.append(stale)
-        if unheard > self._unheard_steps:
-            time = unheard * self._time_step
-            trips.append(self._trip("stale_controller", "s", "time without a measurement", time, step))
+        silence = self._stale_controller(step, unheard)
+        if silence is not None:
+            trips.append(silence)
         if not math.isfinite(command):
             trips.append(
                 Trip("safety.non_finite_action", "", "command", command, math.nan, step, self._actions["non_finite"])
@@ -376,6 +379,11 @@ class SafetySupervisor:
         if steps <= self._silent_steps or self._actions["stale_shear"] is Action.IGNORE:
             return None
         return self._trip("stale_shear", "s", "time without a command", steps * self._time_step, step)
+
+    def _stale_controller(self, step: int, unheard: int) -> Trip | None:
+        if unheard <= self._unheard_steps or self._actions["stale_controller"] is Action.IGNORE:
+            return None
+        return self._trip("stale_controller", "s", "time without a measurement", unheard * self._time_step, step)
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
         key = f"{limit}_time" if unit == "s" else f"{limit}_limit"
