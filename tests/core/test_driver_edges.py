@@ -204,3 +204,20 @@ def test_host_that_is_slow_at_every_look_does_not_wait_for_twenty_of_them():
         bench.network.stall(0.03)
     assert bench.now - last < (MOST_EXCUSES + 2) * 0.03 + 0.1
     assert LOOKS_BEFORE_SILENCE * 0.03 > 0.5
+
+
+# ---- a controller that is gone while its table is held
+
+
+@pytest.mark.parametrize("fault", ["dead", "loss=100"])
+def test_controller_that_falls_silent_while_its_table_is_held_is_noticed(fault):
+    bench = Bench(table__give_up_after=0.05, virtual_controller__watchdog=10.0)
+    bench.follow([1.0] * 20)
+    bench.driver.finish(Action.HOLD, bench.now)
+    bench.poll_until(bench.now + 1.0)
+    assert (bench.driver.state, told(bench)) == (DriveState.HELD, (None, ""))
+    bench.fault(fault)
+    bench.poll_until(bench.now + 0.2)
+    outcome, reason = told(bench)
+    assert (outcome, bench.driver.stop_problem) == (Outcome.LIMIT, NOT_CONFIRMED)
+    assert reason.startswith("safety.stale_controller_time [s] passed at step")

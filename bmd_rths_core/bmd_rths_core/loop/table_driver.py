@@ -32,6 +32,9 @@ MOST_EXCUSES = 3
 #: What is told of a stop that the table controller did not confirm.
 NOT_CONFIRMED = "the table controller did not confirm that the table is at rest"
 
+#: What is told where the driver has left the rest of the way to the table controller.
+GIVEN_UP = "commands came so late that no way led to rest; the table controller was asked to stop the table"
+
 #: States in which the table may move.
 _MOVING = (DriveState.FOLLOWING, DriveState.RETURNING, DriveState.HELD)
 
@@ -335,8 +338,11 @@ class TableDriver:
         if self.outcome is None and self.supervisor.reason:
             self.outcome, self.reason = Outcome.LIMIT, self.supervisor.reason
 
-    def _note_emergency(self, late: float) -> None:
-        """Note why the supervisor has ended the way to rest with an emergency stop, where it has."""
+    def _note_early_end(self, late: float) -> None:
+        """Note why the supervisor has ended the way before its end, where it has."""
+        if self.supervisor.given_up:
+            self.outcome = self.outcome or Outcome.FAILED
+            self.reason = "; ".join(filter(None, (self.reason, GIVEN_UP)))
         if not self.supervisor.emergency:
             return
         trip = next((trip for trip in self.supervisor.trips if trip.action is Action.EMERGENCY_STOP), None)
@@ -379,7 +385,7 @@ class TableDriver:
                 self._on_rest_command(command)
         if self.supervisor.state is State.STOPPED:
             if self.moving:
-                self._note_emergency(late)
+                self._note_early_end(late)
                 self.halt()
             return
         # A limit that asks for more than a hold brings a held table back.
@@ -388,5 +394,5 @@ class TableDriver:
             self._due = now
         else:  # small delays do not add up, and large ones are never caught up with
             sent_at = now if command is None else self._sent_at
-            small = sent_at - self._due < 0.5 * self._time_step
-            self._due = (self._due if small else sent_at) + self._time_step
+            small = sent_at - self._due < 0.5 * self.supervisor.hold
+            self._due = (self._due if small else sent_at) + self.supervisor.hold

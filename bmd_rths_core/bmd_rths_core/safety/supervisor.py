@@ -117,6 +117,16 @@ class SafetySupervisor:
         return self._motion._replace(displacement=self._motion.displacement + known)
 
     @property
+    def hold(self) -> float:
+        """For how long a command on the way to rest is to be held [s]: Δt, and longer for a host that comes late."""
+        return self._way.hold
+
+    @property
+    def given_up(self) -> bool:
+        """True when commands were late so often that no way led to rest: the table controller has to stop the table."""
+        return self._way.given_up
+
+    @property
     def stands(self) -> bool:
         """True when the table stands at zero displacement by its commands, whatever is under way."""
         motion = self._motion
@@ -273,14 +283,17 @@ class SafetySupervisor:
         -------
         TableCommand or None
             For one step each; zero acceleration without end when a hold has come to rest, None when the table gets no
-            further command: at the end of a ramp and after an emergency stop.
+            further command: at the end of a ramp, after an emergency stop, and when no way has led to rest.
         """
+        if self.state is State.HOLDING:  # without end: nothing else would notice a controller that is gone
+            trip = self._stale_controller(self._last_step + 1, self._last_step - self._last_measured)
+            self.record([trip] if trip is not None else [])
         self._last_step += self._whole_steps(late)
         self._hold(late)
         if not self._motion.plausible:  # a ramp would have no end
             self._begin(Action.EMERGENCY_STOP)
         command = self._way.next(self._motion, _PLANNERS.get(self.state))
-        if command is None:
+        if command is None and not self.given_up:
             command = 0.0 if self.state is State.HOLDING else self._at_the_end()
         if command is None:
             self.state = State.STOPPED
@@ -334,9 +347,9 @@ class SafetySupervisor:
         stale = self._stale_shear(step, silent)
         if stale is not None:
             trips.append(stale)
-        if unheard > self._unheard_steps:
-            time = unheard * self._time_step
-            trips.append(self._trip("stale_controller", "s", "time without a measurement", time, step))
+        silence = self._stale_controller(step, unheard)
+        if silence is not None:
+            trips.append(silence)
         if not math.isfinite(command):
             trips.append(
                 Trip("safety.non_finite_action", "", "command", command, math.nan, step, self._actions["non_finite"])
@@ -366,6 +379,11 @@ class SafetySupervisor:
         if steps <= self._silent_steps or self._actions["stale_shear"] is Action.IGNORE:
             return None
         return self._trip("stale_shear", "s", "time without a command", steps * self._time_step, step)
+
+    def _stale_controller(self, step: int, unheard: int) -> Trip | None:
+        if unheard <= self._unheard_steps or self._actions["stale_controller"] is Action.IGNORE:
+            return None
+        return self._trip("stale_controller", "s", "time without a measurement", unheard * self._time_step, step)
 
     def _trip(self, limit: str, unit: str, quantity: str, value: float, step: int) -> Trip:
         key = f"{limit}_time" if unit == "s" else f"{limit}_limit"

@@ -30,6 +30,11 @@ _LITTLE_VELOCITY, _LITTLE_DISPLACEMENT = 0.01, 0.005  # m/s, m
 #: A busy computer leaves no more than this after a gentle way, as `_size` has it [m].
 _MOST_BY_A_BUSY_COMPUTER = 0.02
 
+#: Longest hold of a command on the way of a host that is late at every one [s], below the watchdog of a controller.
+LONGEST_HOLD = 0.02
+#: A host whose plans have led astray more often than this gives up: the controller of the table has a better clock.
+MOST_STRAYS = 10
+
 #: `stop_commands` or `ramp_commands`.
 Planner = Callable[[Motion, SafetyConfig, float], NDArray[np.float64]]
 
@@ -60,6 +65,8 @@ class WayToRest:
 
     Attributes
     ----------
+    hold : float
+        For how long the next command is to be held [s]: Δt, and longer for a host that could not keep that.
     led_away : tuple of Motion, or None
         What was seen before and after a way back that made it larger: the sensor has a wrong sign or scale.
     """
@@ -77,6 +84,7 @@ class WayToRest:
     def reset(self) -> None:
         """Forget the past."""
         self._plan: list[float] | None = None
+        self.hold, self._strays = self._time_step, 0
         self._planned = REST
         self._corrections = 0
         self._found: Motion | None = None
@@ -89,6 +97,11 @@ class WayToRest:
     def begun(self) -> bool:
         """True from the first plan until `abandon`."""
         return self._plan is not None
+
+    @property
+    def given_up(self) -> bool:
+        """True when commands were late so often that no plan has led to rest: the table controller has to."""
+        return self._strays > MOST_STRAYS
 
     def ended(self, motion: Motion, planner: Planner) -> bool:
         """Tell whether all commands were given, and no further way is to follow.
@@ -134,7 +147,10 @@ class WayToRest:
             Acceleration command [m/s²]; None at the end of the way.
         """
         if self._plan is None or self._strayed(motion):
-            self._begin(motion, planner, self._config)
+            if self._plan is not None:  # as late again, a plan like this one would lead astray again, without end
+                self.hold = max(self.hold, min(2.0 * self.hold, LONGEST_HOLD))
+                self._strays += 1
+            self._begin(motion, None if self.given_up else planner, self._config)
             self._corrections, self._watched_from, self._found, self._made_worse = 0, -1, None, 0
         elif not self._plan and self._correctable(motion, planner):
             self._begin(motion, planner, self._gently(motion))
@@ -192,19 +208,19 @@ class WayToRest:
 
     def _begin(self, motion: Motion, planner: Planner | None, config: SafetyConfig) -> None:
         """Plan the commands, the last one first."""
-        self._plan = [] if planner is None else planner(motion, config, self._time_step)[::-1].tolist()
+        self._plan = [] if planner is None else planner(motion, config, self.hold)[::-1].tolist()
         self._planned = motion
 
     def _pop(self) -> float | None:
         if not self._plan:
             return None
         command = self._plan.pop()
-        self._planned = self._planned.after(command, self._time_step)
+        self._planned = self._planned.after(command, self.hold)
         return command
 
     def _strayed(self, motion: Motion) -> bool:
         """Tell whether commands were held for so much longer or shorter that the plan does not lead to rest."""
-        off = 0.5 * self._config.ramp_acceleration * self._time_step
+        off = 0.5 * self._config.ramp_acceleration * self.hold
         return abs(motion.velocity - self._planned.velocity) > off
 
     def _correctable(self, motion: Motion, planner: Planner | None) -> bool:

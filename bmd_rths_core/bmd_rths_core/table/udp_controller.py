@@ -11,15 +11,12 @@ from bmd_rths_core.safety.displacement_command import DisplacementCommand, Table
 from bmd_rths_core.table.config import TableConfig
 from bmd_rths_core.table.controller import NoAnswer, TableCommand, TableMeasurement
 from bmd_rths_core.table.transport import Transport
-from bmd_rths_core.table.udp_session import ACCELERATION_ONLY, UdpSession
+from bmd_rths_core.table.udp_session import ACCELERATION_ONLY, MOST_DATAGRAMS, UdpSession
 from bmd_rths_core.table.wire import MODULUS, ArmMode, ControllerPacket, ControllerState, Kind, interlock_names
 from bmd_rths_core.time_steps import StepStamps
 
 #: Time between two packets of a host that waits for the first command [s]; controllers let go of a host after 1 s.
 KEEP_ALIVE_PERIOD = 0.25
-
-#: Most datagrams one `poll` looks at, so that a flood of them does not keep it.
-MOST_DATAGRAMS = 16
 
 
 class _Pending(NamedTuple):

@@ -20,6 +20,9 @@ from bmd_rths_core.table.wire import (
 )
 from bmd_rths_core.time_steps import StepStamps
 
+#: Most datagrams that are looked at in one go, so that a flood of them does not keep the host.
+MOST_DATAGRAMS = 16
+
 #: A command without velocity and displacement.
 ACCELERATION_ONLY = TableMotion(math.nan, math.nan)
 
@@ -144,8 +147,11 @@ class UdpSession:
         return answer
 
     def read(self) -> ControllerPacket | None:
-        """Return the next answer to this host that has arrived, without waiting; count what else has."""
-        while (datagram := self._transport.receive()) is not None:
+        """Return the next answer to this host among the next `MOST_DATAGRAMS`, without waiting; count the others."""
+        for _ in range(MOST_DATAGRAMS):
+            datagram = self._transport.receive()
+            if datagram is None:
+                return None
             packet = self._accepted(datagram)
             if packet is not None:
                 return packet
