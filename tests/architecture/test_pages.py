@@ -82,8 +82,8 @@ def reader(tmp_path, monkeypatch, capsys):
     bag, names = [], {}
 
     def command(words, quoted):
-        arguments = without_a_graph(words)
-        if arguments is None:
+        arguments = list(without_a_graph(words) or ())
+        if not arguments:
             return
         if words[0] == "run" and quoted:
             config = load_config(arguments[1])
@@ -93,7 +93,7 @@ def reader(tmp_path, monkeypatch, capsys):
             arguments += ["--only", "response_of_the_floors"]
         if "--report" in arguments and not quoted:  # the first tutorial quotes what that prints
             arguments[arguments.index("--report") :] = []
-        arguments = [*arguments, *SHORTER.get(arguments[0], ()), *(() if quoted else SHORT.get(arguments[0], ()))]
+        arguments += [*SHORTER.get(arguments[0], ()), *(() if quoted else SHORT.get(arguments[0], ()))]
         expanded = [found for word in arguments for found in matches(word)]
         monkeypatch.setattr("sys.argv", ["bmd-rths", *expanded])
         status = main()
