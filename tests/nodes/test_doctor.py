@@ -1,6 +1,7 @@
 """`bmd-rths doctor`: every look finds what is wrong with a computer that was made up, and says what to change."""
 
 import json
+import re
 import sys
 import types
 from pathlib import Path
@@ -11,10 +12,13 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.closure_times import ClosureTimes
 from bmd_rths_core.record import TimingStatistics
 from bmd_rths_nodes.doctor import measured
-from bmd_rths_nodes.doctor.finding import GOOD, LEVELS, NOTE, PROBLEM, WARNING, Finding, worst
+from bmd_rths_nodes.doctor.finding import GOOD, LEVELS, NOTE, PROBLEM, WARNING, Finding, change_first, worst
 from bmd_rths_nodes.doctor.machine import Machine
 from bmd_rths_nodes.doctor.measured import Jitter, LoopRun
-from tests.nodes.conftest import CONFIG
+from tests.nodes.conftest import CONFIG, ROOT
+from tests.pages import blocks_of
+
+PAGE = ROOT / "docs" / "how-to" / "check_the_computer.md"
 
 #: Files of a computer on which nothing is wrong.
 FILES = {
@@ -98,6 +102,16 @@ def test_worst_is_the_worst():
         assert worst([Finding("", lower, "") for lower in LEVELS[: i + 1]]) == level
 
 
+def test_what_to_change_first_is_the_cause_of_what_was_measured():
+    busy, late = Finding("processors", WARNING, "", "end other work"), Finding("timer", WARNING, "", "own processors")
+    full, slow = Finding("disk", PROBLEM, "", "free some room"), Finding("loop", PROBLEM, "", "a longer run.time_step")
+    told = Finding("kernel", NOTE, "", "PREEMPT_RT")
+    assert change_first([told, busy, late, slow]) == "processors: end other work"
+    assert change_first([busy, full, slow]) == "disk: free some room"
+    assert change_first([told, slow]) == "a longer run.time_step"
+    assert change_first([told]) == ""
+
+
 # ---- measured
 
 
@@ -173,6 +187,11 @@ def test_verdict_is_a_sentence_with_rate_and_misses():
     assert measured.verdict(run(closure=4.9), JITTER).endswith("0 of 2000 deadlines missed.")
 
 
+def test_sentence_of_the_page_is_one_of_ours():
+    (quoted,) = (block.text for block in blocks_of(PAGE) if block.language == "")
+    assert re.sub(r"\d+", "#", " ".join(quoted.split())) == re.sub(r"\d+", "#", measured.verdict(run(), JITTER))
+
+
 # ---- the command
 
 
@@ -182,6 +201,7 @@ def test_a_look_without_measuring(run_main):
     names = {check["name"] for check in told["checks"]}
     assert {"Python", "ROS 2", "ROS domain", "clock", "processors", "UDP port 50600"} <= names
     assert (told["verdict"], status) == (None, int(told["level"] == PROBLEM))
+    assert (told["change_first"] is None) == (told["level"] in (GOOD, NOTE))
     status, output, _ = run_main("doctor", CONFIG, "--quick")
     assert "Python" in output
 

@@ -36,7 +36,7 @@ def doctor(choice: ConfigChoice, quick: bool, duration: float, output: Path, as_
     is connected. Status 1 when there is a problem.
     """
     from bmd_rths_nodes.doctor import measured
-    from bmd_rths_nodes.doctor.finding import PROBLEM, worst
+    from bmd_rths_nodes.doctor.finding import PROBLEM, change_first, worst
     from bmd_rths_nodes.doctor.machine import Machine
 
     config = choice.resolve()
@@ -54,12 +54,12 @@ def doctor(choice: ConfigChoice, quick: bool, duration: float, output: Path, as_
                 run = measured.run_loop(config, duration)
                 findings.append(measured.loop_finding(run))
                 words = measured.verdict(run, jitter)
-    level = worst(findings)
+    level, change = worst(findings), change_first(findings)
     if as_json:
-        told = {"level": level, "verdict": words or None, "checks": [finding.as_mapping() for finding in findings]}
-        click.echo(json.dumps(told))
+        told = {"level": level, "verdict": words or None, "change_first": change or None}
+        click.echo(json.dumps({**told, "checks": [finding.as_mapping() for finding in findings]}))
     else:
-        _show(findings, words)
+        _show(findings, f"{words}\nChange first: {change}".strip() if change else words)
     return 1 if level == PROBLEM else 0
 
 

@@ -35,6 +35,15 @@ class Finding(NamedTuple):
         return self._asdict()
 
 
+def change_first(findings: list[Finding]) -> str:
+    """Return what to change first, a problem before a warning, a cause before the test that suffers from it."""
+    for level in (PROBLEM, WARNING):
+        found = [finding for finding in findings if finding.level == level and finding.name != "loop"]
+        if found:
+            return f"{found[0].name}: {found[0].advice}"
+    return next((f.advice for f in findings if f.name == "loop" and f.level in (PROBLEM, WARNING)), "")
+
+
 def worst(findings: list[Finding]) -> str:
     """Return the worst level of some findings."""
     return max((finding.level for finding in findings), key=LEVELS.index, default=GOOD)
