@@ -120,7 +120,7 @@ def every_option(command):
 
 
 #: Options of other programs that pages name.
-_OF_OTHERS = {"--help", "--check", "--pip-args", "--params-file", "--show-args", "--ros-args"}
+_OF_OTHERS = {"--help", "--dist", "--check", "--pip-args", "--params-file", "--show-args", "--ros-args"}
 
 
 def named_options(text):
