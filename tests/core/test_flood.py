@@ -1,4 +1,4 @@
-"""A flood of datagrams on the port of the host keeps it from nothing: not from polling, and not from its way to rest."""
+"""A flood of datagrams on the port of the host keeps it from nothing: neither polling nor its way to rest."""
 
 import pytest
 
