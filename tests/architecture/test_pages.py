@@ -11,7 +11,6 @@ import matplotlib as mpl
 import pytest
 
 from bmd_rths_core import load_config, predict_test, select_ground_motion
-from bmd_rths_core.record import TimingStatistics
 from bmd_rths_nodes.cli.main import main
 from bmd_rths_nodes.cli.monitor_web import WATCH
 from bmd_rths_nodes.cli.preflight import in_words

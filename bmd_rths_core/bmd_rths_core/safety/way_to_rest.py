@@ -30,8 +30,10 @@ _LITTLE_VELOCITY, _LITTLE_DISPLACEMENT = 0.01, 0.005  # m/s, m
 #: A busy computer leaves no more than this after a gentle way, as `_size` has it [m].
 _MOST_BY_A_BUSY_COMPUTER = 0.02
 
-#: Longest hold of a command on the way of a host that is late at every one [s], below the watchdog of a controller.
+#: Longest hold of a command on the way of a host that is late again and again [s], below the watchdog of a controller.
 LONGEST_HOLD = 0.02
+#: A host may be held up so often on the way before its commands are held for longer than Δt.
+STALLS = 1
 #: A host whose plans have led astray more often than this gives up: the controller of the table has a better clock.
 MOST_STRAYS = 10
 
@@ -147,9 +149,10 @@ class WayToRest:
             Acceleration command [m/s²]; None at the end of the way.
         """
         if self._plan is None or self._strayed(motion):
-            if self._plan is not None:  # as late again, a plan like this one would lead astray again, without end
-                self.hold = max(self.hold, min(2.0 * self.hold, LONGEST_HOLD))
+            if self._plan is not None:
                 self._strays += 1
+            if self._strays > STALLS:  # as late again, a plan like the last one would lead astray again, without end
+                self.hold = max(self.hold, min(2.0 * self.hold, LONGEST_HOLD))
             self._begin(motion, None if self.given_up else planner, self._config)
             self._corrections, self._watched_from, self._found, self._made_worse = 0, -1, None, 0
         elif not self._plan and self._correctable(motion, planner):
