@@ -28,4 +28,6 @@ class TimedNode(CommandShaperNode):
         return min(super().poll(now), now + 0.001)
 
 
-sys.exit(spin.run_nodes([TimedNode], ["--ros-args", "-p", "run.record:=false"]))
+# What is in force of real time would be the first thing that is logged.
+parameters = [word for given in ("run.record:=false", "real_time.time_slice:=0.0") for word in ("-p", given)]
+sys.exit(spin.run_nodes([TimedNode], ["--ros-args", *parameters]))

@@ -222,6 +222,7 @@ def test_playback_is_refused_where_a_run_is_active_and_a_run_where_a_playback_is
     for arguments in (("replay", simulated, "--ros"), ("run", CONFIG, "--set", "run.preflight=skip")):
         status, _, errors = run_main(*arguments)
         assert (status, refused in errors) == (2, True), errors
+    first.wait_for_words("playing 401 steps")  # both are refused before the nodes are ready, on a busy machine
     first.interrupt()
     ended = first.wait(30.0)
     told = [
