@@ -281,6 +281,7 @@ def test_hold_stays_with_zero_acceleration_until_the_operator_ramps():
     observed.request(Action.HOLD)
     held = way_to_rest(observed)
     assert observed.at_rest
+    observed.observe(measurement(held[-1].step))
     assert [observed.advance().acceleration for _ in range(5)] == [0.0] * 5
     observed.request(Action.RAMP)
     ramp = way_to_rest(observed)

@@ -65,11 +65,14 @@ def test_shaper_learns_from_the_measurements_as_in_process(run_main, tmp_path, s
 @pytest.mark.slow
 def test_real_time_equals_the_loop_in_process_up_to_the_first_missed_deadline_and_is_replayed(run_main, tmp_path):
     patient = ("--set", "run.longest_miss_time=1.0", "--set", "safety.stale_shear_time=1.0")
-    bag = recorded(
-        run_main("run", CONFIG, "--scheme", "mpic", "--composed", *SET, *patient, "--output", tmp_path, "--json")
-    )
-    record, expected = read_bag(bag), in_process(CONFIG)
-    first_miss = min(record.timing.missed_steps, default=record.steps)
+    for _ in range(3):  # a busy machine may miss the very first deadline: then there is nothing to compare
+        bag = recorded(
+            run_main("run", CONFIG, "--scheme", "mpic", "--composed", *SET, *patient, "--output", tmp_path, "--json")
+        )
+        record, expected = read_bag(bag), in_process(CONFIG)
+        first_miss = min(record.timing.missed_steps, default=record.steps)
+        if first_miss > 0:
+            break
     assert first_miss > 0
     for name, signal in record.signals().items():
         assert (signal[:first_miss] == expected.signals()[name][:first_miss]).all(), name
