@@ -285,9 +285,8 @@ class SafetySupervisor:
             For one step each; zero acceleration without end when a hold has come to rest, None when the table gets no
             further command: at the end of a ramp, after an emergency stop, and when no way has led to rest.
         """
-        if (
-            self.state is State.HOLDING and self.at_rest
-        ):  # without end: nothing else would notice a controller that is gone
+        # Held without end, a table whose controller is gone is noticed by nothing else.
+        if self.state is State.HOLDING and self.at_rest:
             trip = self._stale_controller(self._last_step + 1, self._last_step - self._last_measured)
             self.record([trip] if trip is not None else [])
         self._last_step += self._whole_steps(late)
