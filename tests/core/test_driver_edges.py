@@ -109,7 +109,7 @@ def test_emergency_stop_by_a_limit_is_told_also_where_the_operator_has_stopped_t
     bench.to_rest()
     outcome, reason = told(bench)
     assert outcome is Outcome.STOPPED
-    assert reason.startswith("safety.non_finite_action: actuator force at step")
+    assert reason.startswith("stopped by the operator; safety.non_finite_action: actuator force at step")
 
 
 def test_motion_that_is_not_plausible_is_told_and_latched():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from bmd_rths_core.loop.early_end import GIVEN_UP
 from bmd_rths_core.loop.states import DriveState, Outcome
-from bmd_rths_core.loop.table_driver import GIVEN_UP
 from bmd_rths_core.safety import Action
 from tests.core.driven_table import DT, Asynchronous, BySteps, Host, Waiting
 

@@ -28,9 +28,17 @@ class Table(SimulatedTable):
         self.calls += ("connect",)
         super().connect()
 
+    def stop(self):
+        self.calls += ("stop",)
+        super().stop()
+
     def emergency_stop(self):
         self.calls += ("emergency_stop",)
         super().emergency_stop()
+
+    def close(self):
+        self.calls += ("close",)
+        super().close()
 
 
 class BareNode(TableDriverNode):
@@ -126,6 +134,20 @@ def test_ordinary_end_leaves_the_driver_waiting_for_the_next_test(node):
     assert (node.state, node._driver.outcome) == (NodeState.WAITING, None)
     node.hear(NodeState.ENDED, action=Action.EMERGENCY_STOP.name.lower())  # told once a second
     assert "emergency_stop" not in node.table.calls
+
+
+def test_controller_that_raises_what_it_should_not_is_stopped_and_released_all_the_same(node):
+    node.ending = None
+    node.follow([1.0] * 10)
+
+    def broken(command):
+        raise ValueError("a bug of somebody else")
+
+    node.table.exchange = broken
+    with pytest.raises(ValueError, match="a bug of somebody else"):
+        node.stop_stage()
+    assert node.table.calls[-2:] == ("stop", "close")
+    assert node._driver.state is DriveState.RELEASED
 
 
 # ---- steps of the next test

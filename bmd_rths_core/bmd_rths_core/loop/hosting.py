@@ -57,8 +57,9 @@ def ending(conductor: Conductor, driver: TableDriver) -> tuple[Outcome | None, s
         rest.
     """
     outcome, reason = conductor.outcome, conductor.reason
-    if driver.outcome is not None and driver.reason not in (reason, driver.stop_problem):
-        reason = f"{reason}; on the way to rest: {driver.reason}"
+    later = driver.reason.removeprefix(reason).removeprefix("; ")  # than what has ended the test
+    if later not in ("", driver.stop_problem):
+        reason = f"{reason}; on the way to rest: {later}"
     if driver.stop_problem:
         outcome = Outcome.FAILED if outcome is Outcome.FINISHED else outcome
         reason = f"{reason}; {driver.stop_problem}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from bmd_rths_core.loop.early_end import early_end
 from bmd_rths_core.loop.states import DriveState, Outcome
 from bmd_rths_core.safety import Action, SafetySupervisor, State
 from bmd_rths_core.table.calibration import Calibration
@@ -31,9 +32,6 @@ MOST_EXCUSES = 3
 
 #: What is told of a stop that the table controller did not confirm.
 NOT_CONFIRMED = "the table controller did not confirm that the table is at rest"
-
-#: What is told where the driver has left the rest of the way to the table controller.
-GIVEN_UP = "commands came so late that no way led to rest; the table controller was asked to stop the table"
 
 #: States in which the table may move.
 _MOVING = (DriveState.FOLLOWING, DriveState.RETURNING, DriveState.HELD)
@@ -338,20 +336,6 @@ class TableDriver:
         if self.outcome is None and self.supervisor.reason:
             self.outcome, self.reason = Outcome.LIMIT, self.supervisor.reason
 
-    def _note_early_end(self, late: float) -> None:
-        """Note why the supervisor has ended the way before its end, where it has."""
-        if self.supervisor.given_up:
-            self.outcome = self.outcome or Outcome.FAILED
-            self.reason = "; ".join(filter(None, (self.reason, GIVEN_UP)))
-        if not self.supervisor.emergency:
-            return
-        trip = next((trip for trip in self.supervisor.trips if trip.action is Action.EMERGENCY_STOP), None)
-        if trip is not None:
-            self.outcome, self.reason = self.outcome or Outcome.LIMIT, str(trip)
-        elif not self.reason:
-            told = f"the last command was held for {late:.3g} s too long; where it has led the table is not known"
-            self.outcome, self.reason = Outcome.FAILED, told
-
     def _begin_way_to_rest(self, now: float) -> None:
         """Send the first command on the way to rest now or when the last one has been held for Δt."""
         if self.state in (DriveState.AT_REST, DriveState.RELEASED) and not self.supervisor.emergency:
@@ -385,7 +369,10 @@ class TableDriver:
                 self._on_rest_command(command)
         if self.supervisor.state is State.STOPPED:
             if self.moving:
-                self._note_early_end(late)
+                outcome, reason = early_end(self.supervisor, late) or (self.outcome, "")
+                if reason not in self.reason:
+                    self.outcome = self.outcome or outcome
+                    self.reason = f"{self.reason}; {reason}" if self.reason else reason
                 self.halt()
             return
         # A limit that asks for more than a hold brings a held table back.

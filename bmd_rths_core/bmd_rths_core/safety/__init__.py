@@ -3,7 +3,8 @@
 from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.stability_indicator import StabilityIndicator
 from bmd_rths_core.safety.stability_indicator_array import StabilityIndicatorArray
-from bmd_rths_core.safety.supervisor import SafetySupervisor, State
+from bmd_rths_core.safety.state import State
+from bmd_rths_core.safety.supervisor import SafetySupervisor
 from bmd_rths_core.safety.trips import Action, Trip
 
 __all__ = [

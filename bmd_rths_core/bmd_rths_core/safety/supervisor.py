@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from enum import Enum
 from functools import partial
 
 from bmd_rths_core.safety.commanded_motion import REST, Motion, stopping_range
@@ -12,6 +11,7 @@ from bmd_rths_core.safety.config import SafetyConfig
 from bmd_rths_core.safety.following import FollowingCheck
 from bmd_rths_core.safety.measurement_check import MeasurementCheck
 from bmd_rths_core.safety.ramp import ramp_commands, stop_commands
+from bmd_rths_core.safety.state import SEVERITY, STATE_OF, State
 from bmd_rths_core.safety.trips import Action, Trip
 from bmd_rths_core.safety.way_to_rest import SETTLED_DISPLACEMENT, SETTLED_VELOCITY, Planner, WayToRest
 from bmd_rths_core.table.controller import TableCommand, TableMeasurement
@@ -19,16 +19,6 @@ from bmd_rths_core.time_steps import most_steps
 
 #: Time constant of the mean difference between measured and commanded displacement [s].
 OFFSET_TIME = 1.0
-
-
-class State(Enum):
-    """What the supervisor does."""
-
-    NORMAL = "normal"  # commands are passed on
-    INDICATING = "indicating"  # so they are, but a limit was passed that is only indicated
-    HOLDING = "holding"  # the table is braked, and then stays where it is
-    RAMPING = "ramping"  # the table is on its way to rest at zero displacement
-    STOPPED = "stopped"  # nothing is passed on
 
 
 class SafetySupervisor:
@@ -335,9 +325,9 @@ class SafetySupervisor:
 
     def _begin(self, action: Action) -> None:
         """Do what a limit asks for, unless something as severe is under way."""
-        state = _STATES[action]
+        state = STATE_OF[action]
         self.emergency |= action is Action.EMERGENCY_STOP
-        if _SEVERITY[state] <= _SEVERITY[self.state]:
+        if SEVERITY[state] <= SEVERITY[self.state]:
             return
         self.state = state
         self._way.abandon()
@@ -396,13 +386,5 @@ _COMMAND_LIMITS = (
     *("displacement", "velocity", "acceleration", "increment", "stale_shear", "stale_controller", "non_finite"),
 )
 
-_STATES = {
-    Action.IGNORE: State.NORMAL,
-    Action.INDICATE: State.INDICATING,
-    Action.HOLD: State.HOLDING,
-    Action.RAMP: State.RAMPING,
-    Action.EMERGENCY_STOP: State.STOPPED,
-}
 #: What makes the commands of the way to rest.
 _PLANNERS: dict[State, Planner] = {State.HOLDING: stop_commands, State.RAMPING: ramp_commands}
-_SEVERITY = {state: severity for severity, state in enumerate(State)}

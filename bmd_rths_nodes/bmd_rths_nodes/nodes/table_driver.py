@@ -101,17 +101,22 @@ class TableDriverNode(StageNode):
         """Bring the table to rest and release it."""
         if not self.configured:
             return
-        driver, now = self._driver, time.perf_counter()
+        try:
+            self._bring_to_rest()
+        finally:  # a controller of somebody else may raise anything; it is asked to stop the table all the same
+            self._driver.release()
+        self._tell_changes()
+
+    def _bring_to_rest(self) -> None:
+        driver = self._driver
         if driver.moving:
-            driver.finish(Action.RAMP, now)
+            driver.finish(Action.RAMP, time.perf_counter())
         while driver.moving and driver.state is not DriveState.HELD:
             if self.ending is not None and self.ending.hurried and not driver.supervisor.emergency:
                 reason = "emergency stop by the operator"
                 driver.stop(Action.EMERGENCY_STOP, Outcome.STOPPED, reason, time.perf_counter())
             due = driver.poll(time.perf_counter())
             time.sleep(min(max(0.0, due - time.perf_counter()), self.config.run.time_step))
-        driver.release()
-        self._tell_changes()
 
     def status_values(self) -> dict[str, str]:
         """Tell the controller, what the table does, every trip, and how a trip is to be counted."""
