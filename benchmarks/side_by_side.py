@@ -83,8 +83,8 @@ async def watched(browser: Any, address: str, child: subprocess.Popen[str]) -> N
 
 @click.command()
 @click.argument("pair", type=click.Choice(list(PAIRS)))
-@click.option("--seconds", default=25.0, show_default=True, help="Length of a test [s].")
-@click.option("--repeats", default=2, show_default=True, help="Tests of each side.")
+@click.option("--seconds", default=17.0, show_default=True, help="Length of a test [s].")
+@click.option("--repeats", default=3, show_default=True, help="Tests of each side.")
 def main(pair: str, seconds: float, repeats: int) -> None:
     """Run both sides in turn and print a table."""
     if pair == "watched" and CHROMIUM is None:
