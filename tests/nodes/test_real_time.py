@@ -12,16 +12,8 @@ from bmd_rths_nodes.hardware.time_slice import shorten_time_slices
 from bmd_rths_nodes.ros.real_time import enter_real_time
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
-#: Enter real time beside a thread that is there and before one that comes, and tell what each has.
-ASK = """
-import os, sys, threading
-from bmd_rths_core.run_config import RealTimeConfig
-from bmd_rths_nodes.ros.real_time import enter_real_time
-from bmd_rths_core.errors import InputError
-
-def tell():
-    print(os.sched_getscheduler(0) == os.SCHED_FIFO, os.sched_getparam(0).sched_priority)
-
+#: Begin a thread that tells what it has when it is let go; `tell` stands before this.
+EARLY = """
 going, ended = threading.Event(), threading.Event()
 def before():
     going.set()
@@ -31,23 +23,41 @@ def before():
 early = threading.Thread(target=before)
 early.start()
 going.wait()
-try:
-    print(enter_real_time(RealTimeConfig(priority=7, processor=min(os.sched_getaffinity(0)), lock_memory=True)))
-    print(len(os.sched_getaffinity(0)))
-except InputError as error:
-    sys.exit(str(error))
-finally:
-    ended.set()
-    early.join()
+"""
+
+#: Let it go, and tell what a later thread has, and the first one.
+LATE = """
+ended.set()
+early.join()
 late = threading.Thread(target=tell)
 late.start()
 late.join()
 tell()
 """
 
+#: Enter real time beside a thread that is there and before one that comes, and tell what each has.
+ASK = """
+import os, sys, threading
+from bmd_rths_core.run_config import RealTimeConfig
+from bmd_rths_nodes.ros.real_time import enter_real_time
+from bmd_rths_core.errors import InputError
+
+def tell():
+    print(os.sched_getscheduler(0) == os.SCHED_FIFO, os.sched_getparam(0).sched_priority)
+"""
+
+ENTER = """
+try:
+    print(enter_real_time(RealTimeConfig(priority=7, processor=min(os.sched_getaffinity(0)), lock_memory=True)))
+    print(len(os.sched_getaffinity(0)))
+except InputError as error:
+    ended.set()
+    sys.exit(str(error))
+"""
+
 
 def test_it_is_in_force_in_every_thread_or_refused(start):
-    result = start("-c", ASK).wait()
+    result = start("-c", ASK + EARLY + ENTER + LATE).wait()
     if result.status == 0:
         processor = min(os.sched_getaffinity(0))
         told = [f"['memory locked', 'processor {processor}', 'SCHED_FIFO 7']", "1", *["True 7"] * 3]
@@ -81,28 +91,15 @@ def tell():
     ctypes.CDLL(None).syscall(_CALLS[os.uname().machine][1], 0, got, _ATTRIBUTES.size, 0)
     print(_ATTRIBUTES.unpack(got.raw)[3:6:2])
 
-os.nice(3)
-going, ended = threading.Event(), threading.Event()
-def before():
-    going.set()
-    ended.wait()
-    tell()
+os.nice(3)"""
 
-early = threading.Thread(target=before)
-early.start()
-going.wait()
+SHORTEN = """
 print(shorten_time_slices(float(sys.argv[1])))
-ended.set()
-early.join()
-late = threading.Thread(target=tell)
-late.start()
-late.join()
-tell()
 """
 
 
 def test_time_slice_is_that_of_every_thread_and_leaves_its_niceness(start):
-    result = start("-c", ASK_FOR_A_SLICE, "0.0002").wait()
+    result = start("-c", ASK_FOR_A_SLICE + EARLY + SHORTEN + LATE, "0.0002").wait()
     assert result.status == 0, result.errors
     words, *threads = result.output.splitlines()
     if tuple(map(int, os.uname().release.split("-")[0].split(".")[:2])) >= (6, 12):
