@@ -159,6 +159,22 @@ def test_steps_begin_by_the_clock_each_with_the_shear_of_the_one_before():
     assert (bench.timing.missed_deadlines, bench.timing.late_ticks) == (0, 0)
 
 
+def test_command_that_is_held_up_after_its_tick_moves_the_schedule():
+    """The host was held up between the tick and its command: the next one is not sent right behind it."""
+    bench = Bench(steps=30)
+    bench.run(steps=10)
+    tick = bench.times[-1]
+    bench.conductor.passed_on(tick + 0.1 * DT)
+    bench.conductor.passed_on(tick - DT)
+    assert bench.conductor.poll(bench.now) == pytest.approx(tick + DT)
+    due = bench.conductor.passed_on(tick + 0.95 * DT)
+    assert due == bench.conductor.passed_on(tick + 0.95 * DT) == pytest.approx(tick + 1.95 * DT)
+    bench.run()
+    assert bench.times[10] == pytest.approx(due)
+    assert np.diff(bench.times[10:]) == pytest.approx(DT, abs=1e-9)
+    assert (bench.timing.late_ticks, bench.ended[0]) == (1, Outcome.FINISHED)
+
+
 def test_stall_is_one_missed_deadline_and_one_late_tick_and_no_burst():
     """Held up for 40 ms after a step has closed: the next begins late, and its shear is not back when due."""
     bench = Bench(steps=30)

@@ -172,6 +172,33 @@ class HoldingTable(Table):
         return TableMeasurement(command.step, a, moved.displacement, a, 0.0, 0.0, self._floors * a)
 
 
+class StallingClock(VirtualClock):
+    """A clock of a computer that is held up for most of a step between every 37th tick and its command."""
+
+    waits = 0
+
+    def wait(self, until):
+        super().wait(until)
+        self.waits += 1
+
+    def now(self):
+        now = super().now()
+        if self.waits % 37 == 36:
+            self.wait(now + 0.97 * DT)
+        return now
+
+
+def test_command_that_was_held_up_is_held_for_half_a_step_at_least():
+    table = HoldingTable(clock := StallingClock())
+    times, exchange = [], table.exchange
+    table.exchange = lambda command: (times.append(clock._now), exchange(command))[1]
+    commands = 0.1 * np.sin(np.arange(400))
+    drive(table, make_supervisor(CONFIG), commands, DT, clock=clock)
+    between = np.diff(times[: len(commands)])
+    assert np.count_nonzero(between > 1.4 * DT) > 10
+    assert between.min() > 0.45 * DT
+
+
 def test_lost_time_does_not_add_up_to_a_drift():
     settings = ExcitationSettings("noise", band=(6.3, 126.0), amplitude=2.0, duration=20.0, stroke=0.1, seed=0)
     commands = excitation_command(settings, DT)

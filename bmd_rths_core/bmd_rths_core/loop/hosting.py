@@ -94,7 +94,8 @@ def run_to_rest(
     try:
         driver.arm()
         while True:
-            due = conductor.poll(clock.now())
+            conductor.poll(clock.now())
+            due = conductor.passed_on(driver.sent_at)
             due = min(due, driver.poll(clock.now()))  # the stages have taken time
             now = clock.now()
             if conductor.state is not NodeState.ENDED:

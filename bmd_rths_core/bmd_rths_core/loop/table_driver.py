@@ -69,6 +69,8 @@ class TableDriver:
         Why, in one line.
     last_passed : int
         Last step whose command was passed on; -1 before the first.
+    sent_at : float
+        When the last command went out; -inf before the first.
     latest : TableMeasurement or None
         The last measurement, on the way to rest too.
     stop_problem : str
@@ -115,7 +117,7 @@ class TableDriver:
         self._due = math.inf  # of the next command on the way to rest
         # Until then the supervisor has followed the table; None before step 0.
         self._followed_until: float | None = None
-        self._sent_at = 0.0  # when the last command went out
+        self.sent_at = -math.inf
         self._looks, self._excuses, self._looked_at = 0, 0, 0.0
 
     # ---- what the host asks for
@@ -263,7 +265,7 @@ class TableDriver:
     def _exchange(self, command: TableCommand, now: float) -> None:
         """Move the table for one step; its measurement comes now, later, or not at all."""
         self._followed_until = now + self._time_step
-        self._sent_at = now
+        self.sent_at = now
         self._looks = self._excuses = 0
         measurement = None
         try:
@@ -273,7 +275,7 @@ class TableDriver:
                 sent_at = self._polled.begin(command)
                 if sent_at is not None and not self._by_steps:
                     self.supervisor.began_late(sent_at - now)
-                    self._sent_at = sent_at
+                    self.sent_at = sent_at
         except NoAnswer:
             return
         except (OSError, RuntimeError) as error:
@@ -380,6 +382,6 @@ class TableDriver:
         if self._lockstep and self.state is not DriveState.HELD:
             self._due = now
         else:  # small delays do not add up, and large ones are never caught up with
-            sent_at = now if command is None else self._sent_at
+            sent_at = now if command is None else self.sent_at
             small = sent_at - self._due < 0.5 * self.supervisor.hold
             self._due = (self._due if small else sent_at) + self.supervisor.hold
