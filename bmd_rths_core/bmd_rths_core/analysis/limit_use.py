@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import scipy.signal
 from numpy.typing import NDArray
 
 from bmd_rths_core.analysis.live_signals import GrowingColumns
+from bmd_rths_core.integration.linear_simulation import running_mean
 from bmd_rths_core.safety.config import SafetyConfig
 
 FloatArray = NDArray[np.float64]
@@ -80,8 +80,7 @@ class LimitWatch:
     def __init__(self, safety: SafetyConfig, time_step: float) -> None:
         self._limits = {watched.name: float(getattr(safety, f"{watched.name}_limit")) for watched in WATCHED}
         self._time_step = time_step
-        self._share = min(1.0, time_step / safety.tracking_time)
-        self._state = np.zeros(1)
+        self._mean = running_mean(time_step, safety.tracking_time, 1)
         self._columns = GrowingColumns()
         self._done = 0
 
@@ -123,10 +122,7 @@ class LimitWatch:
         known = np.isfinite(error)
         found = np.full(len(error), np.nan)
         if known.any():
-            mean, self._state = scipy.signal.lfilter(
-                [self._share], [1.0, self._share - 1.0], error[known] ** 2, zi=self._state
-            )
-            found[known] = np.sqrt(mean)
+            found[known] = np.sqrt(self._mean.advance(error[known, None] ** 2)[0, 0])
         return found
 
     def use(self, steps: int, recent: float) -> dict[str, LimitUse]:

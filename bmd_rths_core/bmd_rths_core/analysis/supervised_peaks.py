@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.signal
 
 from bmd_rths_core.analysis.table_peaks import peak
+from bmd_rths_core.integration.linear_simulation import running_mean
 from bmd_rths_core.record import RunRecord
 from bmd_rths_core.safety import SafetyConfig
 
@@ -48,6 +48,5 @@ def largest_tracking_error(record: RunRecord, config: SafetyConfig) -> float:
     known = error[np.isfinite(error)]
     if not known.size:
         return float("nan")
-    share = min(1.0, record.time_step / config.tracking_time)
-    mean_square = scipy.signal.lfilter([share], [1.0, share - 1.0], known**2)
+    mean_square = running_mean(record.time_step, config.tracking_time, 1).advance(known[:, None] ** 2)
     return float(np.sqrt(np.max(mean_square)))

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from bmd_rths_core.analysis.frequency_evaluation import frequency_evaluation
 from bmd_rths_core.analysis.metrics import rmse_percent
-from bmd_rths_core.integration.discretisation import first_order_hold
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
+from bmd_rths_core.integration.linear_simulation import outputs_from_rest
 
 FloatArray = NDArray[np.float64]
 
@@ -100,11 +100,9 @@ def response_spectrum(
         a = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
         phi, before, now = first_order_hold(a, np.array([[0.0], [-1.0]]), time_step)
         seen, through = a[1:], a[1:] @ now
-        enters = phi @ now + before
-        denominator = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
-        response = np.array([through.item(), (seen @ enters).item(), (seen @ phi @ enters).item()])
-        numerator = np.convolve(denominator, response)[:3]
-        peaks[i] = np.max(np.abs(lfilter(numerator, denominator, acceleration)), initial=0.0)
+        # The state less what the ground acceleration of its own step has added: one input a step.
+        oscillator = DiscreteStateSpace(phi, phi @ now + before, seen, through)
+        peaks[i] = np.max(np.abs(outputs_from_rest(oscillator, acceleration)), initial=0.0)
     return peaks
 
 
