@@ -90,6 +90,7 @@ def test_story_that_is_too_fast_for_its_mass_is_refused() -> None:
         Config().changed(specimen__masses=[0.1, 0.1], specimen__stiffnesses=[1e10, 1e10])
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(150), deadline=None)
 @given(data=st.data())
 def test_any_bytes_give_a_configuration_or_one_line(tmp_path: Path, data: st.DataObject) -> None:

@@ -80,6 +80,7 @@ def test_other_configurations_equal_those_of_the_loop(changes):
     assert_equal_to_the_loop(Config().changed(**changes), [selected(500)])
 
 
+@pytest.mark.slow
 def test_long_runs_equal_those_of_the_loop():
     """Longer than the chunks that the engine works in; one run ends in the middle of a chunk, one before it."""
     assert_equal_to_the_loop(Config(), [selected(5000, frequency=0.7), selected(2048, "short"), selected(2049, "one")])
@@ -136,6 +137,7 @@ def test_diverging_run_is_ended_by_the_stability_indicator(share, after):
     assert record.steps > after
 
 
+@pytest.mark.slow
 def test_run_without_limits_that_overflows_is_left_to_the_loop():
     config = Config().changed(run__scheme="uc", **WITHOUT_LIMITS)
     config = with_mass_ratio(config, 0.9)
@@ -167,6 +169,7 @@ def test_braking_that_the_acceleration_limit_slows_is_foreseen(displacement, ste
     assert "safety.displacement_limit" in record.reason
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(25), deadline=None)
 @given(
     scheme=st.sampled_from(["uc", "fc", "plc", "plc_fc"]),

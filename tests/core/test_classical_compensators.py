@@ -124,6 +124,7 @@ def test_cascade_is_the_filter_of_scipy():
 # Tuned phase lead
 
 
+@pytest.mark.slow
 def test_search_finds_a_minimum_that_no_neighbour_and_no_other_grid_is_below():
     what = known("plc_tuned")
     found = search(what)
@@ -344,6 +345,7 @@ def test_refusals(scheme, changes, message):
         make_command_shaper(under(scheme, **changes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["plc_tuned", "inverse", "ff_lqg", "ats", "amb"])
 def test_error_is_below_that_without_compensation(scheme):
     ground = motion(1200)

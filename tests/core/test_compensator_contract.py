@@ -235,6 +235,7 @@ def python(folder, text):
     )
 
 
+@pytest.mark.slow
 def test_a_third_party_adds_one_file(tmp_path):
     install(tmp_path)
     done = python(tmp_path, USE)

@@ -55,6 +55,7 @@ def test_stories_that_never_yield_are_linear(changes):
         np.testing.assert_allclose(np.vstack(one), np.vstack(other), rtol=1e-7, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_yielding_specimen_on_a_perfect_table_is_the_building_on_the_ground():
     """A ground that goes from one value to another at once is what the held command is."""
     table = table_of(dynamics="perfect", yield_drifts=(4e-4, 2e-4), specimen_stiffness_factor=1.1)
@@ -81,6 +82,7 @@ def yielding(table):
 DAMAGED = [{"softening_factor": 0.8, "softening_time": 1.0}, {"yield_drifts": (4e-5, 2e-5)}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", DAMAGED, ids=["softens", "yields"])
 def test_hybrid_test_on_a_perfect_table_is_that_of_the_damaged_building(changes):
     perfect = {"run__scheme": "uc", "run__time_step": 0.001, "simulated_table__dynamics": "perfect"}

@@ -34,6 +34,7 @@ def test_whole_shear_is_unstable_and_is_stopped_early(scheme):
     assert abs(record.command).max() < 0.5 * config.safety.acceleration_limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["uc", "fc", "plc", "plc_fc"])
 def test_share_of_the_shear_below_the_margin_runs_to_the_end(scheme):
     config = CONFIG.changed(run__scheme=scheme)

@@ -40,6 +40,7 @@ def test_every_fault_whose_reason_is_known_is_tried():
     assert set(NAMED) <= set(KINDS)
 
 
+@pytest.mark.slow
 def test_outcome_depends_on_the_seed_alone():
     first, again, other = outcome_of("loss", 5), outcome_of("loss", 5), outcome_of("loss", 6)
     assert repr(first) == repr(again)

@@ -63,6 +63,7 @@ def found_stories(model):
     return np.concatenate((building.stiffnesses, building.damping_coefficients)), deviations
 
 
+@pytest.mark.slow
 def test_servo_and_specimen_come_back_within_their_deviations():
     config, model = identified("simplified_bmd")
     assert model.table == "interacting_servo"

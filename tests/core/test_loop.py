@@ -47,6 +47,7 @@ def test_loop_with_a_perfect_table_converges_to_the_reference_with_first_order(s
     assert errors[-1] < 0.02
 
 
+@pytest.mark.slow
 def test_schemes_keep_the_order_of_the_paper_on_el_centro():
     rmse = {}
     for scheme in Scheme:
@@ -93,6 +94,7 @@ def test_unstable_loop_is_stopped_by_the_stability_indicator():
     assert record.outcome == "limit"
 
 
+@pytest.mark.slow
 def test_full_force_correction_gain_accumulates_noise_at_the_nyquist_frequency():
     """The measurement behind decision 0003: gain 1 feeds back an alternating force that grows without an earthquake."""
     rest = GroundMotion("rest", 0.005, np.zeros(8000), "test", "0" * 64)

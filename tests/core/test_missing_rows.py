@@ -42,6 +42,7 @@ def test_whole_record_has_nothing_missing():
     assert (whole().gaps.share, dict(whole().gaps.changes)) == (0.0, {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "burst"),
     [(EVERY_STEP, 1), (("ground_acceleration",), 8), (("floor_accelerations", "table_acceleration"), 20)],

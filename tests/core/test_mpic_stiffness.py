@@ -120,6 +120,7 @@ def test_a_gap_stops_the_adaptation_until_it_is_forgotten():
     assert (found[1004:1203] == found[1000]).all()
 
 
+@pytest.mark.slow
 def test_a_specimen_that_softens_is_followed_and_recorded():
     soft = {"simulated_table__softening_factor": 0.8, "simulated_table__softening_time": 2.0}
     config = adapting(**soft).changed(shear_estimator__source="kalman")

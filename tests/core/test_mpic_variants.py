@@ -26,6 +26,7 @@ def by_uncertain_table(make=exact, **changes):
     return make(mpic__observer="uncertain_table", **changes)
 
 
+@pytest.mark.slow
 def test_observer_of_the_specimen_has_the_error_that_it_says():
     """20,000 steps of a specimen with just the errors that are assumed, on a table with a noisy accelerometer."""
     _, building = parts()
@@ -137,6 +138,7 @@ def test_uncertain_table_with_the_error_of_the_joint_observer_is_the_joint_obser
         np.testing.assert_allclose(getattr(first, name), signal, rtol=1e-9, atol=1e-9 * np.abs(signal).max())
 
 
+@pytest.mark.slow
 def test_uncertain_table_is_less_misled_than_the_joint_observer_and_has_less_noise_than_the_measured_table():
     wrong, ground = {"identified_model__gain": 1.1}, motion(800)
     joint, loose = (error_of_the_interface(make(quiet, **wrong), ground) for make in (_joint, by_uncertain_table))

@@ -52,6 +52,7 @@ def calls():
     return found
 
 
+@pytest.mark.slow
 def test_nobody_else_moves_a_table_or_asks_the_supervisor():
     assert calls() == ELSEWHERE | {(DRIVER, name) for name in CALLS}
 

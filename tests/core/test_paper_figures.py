@@ -157,6 +157,7 @@ def test_figure_6_has_the_pure_delay_of_the_command():
     assert as_measured == pytest.approx(delay, abs=0.1)
 
 
+@pytest.mark.slow
 def test_figure_13_is_the_run_with_both_compensations():
     seen = []
     data = figure_13(OF_SIMPLIFIED.changed(run__scheme="uc"), seen.append)

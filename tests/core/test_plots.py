@@ -77,6 +77,7 @@ def texts(path):
     return "\n".join(text.text for text in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", FIGURES)
 def test_files_have_the_stated_values_and_their_size(files_of, number):
     png, svg = files_of(number)

@@ -78,6 +78,7 @@ def test_column_of_numbers_is_refused() -> None:
     assert refusal(FOLDER / "IELC180.acc").startswith("the file states no unit and no time step")
 
 
+@pytest.mark.slow
 @needs_records
 def test_every_file_of_the_folder_is_read_or_refused_in_one_line() -> None:
     components, refused = 0, {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -27,6 +28,7 @@ def test_records_inside_archives_are_components(write) -> None:
     np.testing.assert_allclose(motion.acceleration, COMPONENTS[1] / 100.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_archive_that_grows_is_refused(write) -> None:
     assert "100 MB inside" in refusal(write(zipped({"zeros.txt": bytes(120_000_000)})))
 
@@ -36,6 +38,7 @@ def test_archive_without_a_record_is_refused(write) -> None:
     assert "a damaged archive" in refusal(write(zipped({"readme.txt": b"hello"})[:-30]))
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(150), deadline=None)
 @given(data=st.data(), kind=st.sampled_from(["smc", "sac", "zip", "csv", "numbers", "miniseed", "afad"]))
 def test_damaged_records_are_read_or_refused_in_one_line(tmp_path: Path, data: st.DataObject, kind: str) -> None:

@@ -289,6 +289,7 @@ def test_every_format_has_a_sample() -> None:
     }  # the last six are tested with the cases from elsewhere
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLES)
 @given(data=st.data())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

@@ -36,6 +36,7 @@ def test_own_reader_of_mat_agrees_with_scipy() -> None:
         assert [found[name].values for name in ("t", "z", "cell", "st")] == [None] * 4
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(300), deadline=None)
 @given(data=st.data(), compress=st.booleans())
 def test_damaged_mat_is_one_error_and_never_the_end_of_the_process(data: st.DataObject, compress: bool) -> None:

@@ -103,6 +103,7 @@ def test_energy_balance_closes(changes):
     assert np.all(np.diff(found.dampers) >= 0.0)
 
 
+@pytest.mark.slow
 def test_ductility_is_peak_drift_over_yield_drift():
     _, record, config = simulated(**YIELDING)
     (ductility,) = analysed(record).ductility
@@ -134,6 +135,7 @@ def test_twofold_integration_returns_a_known_displacement_and_half_of_it_at_the_
     assert np.abs(twice_integrated(acceleration, DT, omega)).max() == pytest.approx(0.5, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_stories_of_a_noise_free_specimen_have_their_configured_stiffness():
     quiet = {"simulated_table__acceleration_noise": 0.0, "simulated_table__shear_noise": 0.0} | {
         f"simulated_table__{name}_noise": 0.0 for name in ("displacement", "force")
@@ -220,6 +222,7 @@ def test_whatever_is_in_a_record_there_is_a_report_that_says_what_cannot_be_show
         assert len(run_report(run).sections) == len(SECTIONS), name
 
 
+@pytest.mark.slow
 def test_runs_with_the_same_ground_and_building_are_laid_over_each_other():
     motion = GroundMotion("pulse", DT, np.sin(np.arange(1000) / 20.0), "test", "0" * 64)
     schemes = ["uc", "fc", "plc", "plc_fc", "plc_fc"]
@@ -263,6 +266,7 @@ def test_every_section_is_in_the_registry_and_has_a_title_of_its_own():
     assert len({section.TITLE for section in SECTIONS}) == len(SECTIONS)
 
 
+@pytest.mark.slow
 def test_a_further_section_is_a_module_and_a_line(monkeypatch):
     planted = SimpleNamespace(TITLE="Planted", blocks=lambda run: [Paragraph(f"of {run.record.steps} steps")])
     monkeypatch.setattr("bmd_rths_core.report.run_report.SECTIONS", (*SECTIONS, planted))

@@ -230,6 +230,7 @@ def test_run_and_reference_are_told_apart_without_colour_where_single_cycles_are
     assert "around the largest response" in texts(svg_of(data[name]))
 
 
+@pytest.mark.slow
 def test_close_up_holds_the_largest_response_or_what_was_chosen(run):
     close_up = run.closely
     largest = 0.005 * np.argmax(np.abs(run.analysis.reference[:, -1]))

@@ -227,6 +227,7 @@ def test_a_time_step_of_another_unit_is_refused(time_step: float) -> None:
 # ---------------------------------------------------------------------------------------------- both directions
 
 
+@pytest.mark.slow
 @given(record=RECORDS, ratio=RATIOS)
 def test_a_reversed_record_gives_the_reversed_result(record: FloatArray, ratio: int) -> None:
     forwards = resample(motion_of(record), 0.02 / ratio).acceleration
@@ -234,6 +235,7 @@ def test_a_reversed_record_gives_the_reversed_result(record: FloatArray, ratio: 
     np.testing.assert_allclose(backwards[::-1], forwards, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(record=RECORDS, other=st.floats(-3.0, 3.0), ratio=RATIOS, coarser=st.booleans())
 def test_resampling_is_linear(record: FloatArray, other: float, ratio: int, coarser: bool) -> None:
     record = np.append(record, np.zeros(ratio))

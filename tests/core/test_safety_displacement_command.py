@@ -29,6 +29,7 @@ def test_equals_scipy_for_a_random_history():
         np.testing.assert_allclose(table_motion(acceleration, CONFIG, DT)[index], expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 10.0])
 def test_sine_has_amplitude_and_phase_of_the_transfer_function(frequency):
     """The hold delays by half a step: the mean of the held sine over its sinc."""

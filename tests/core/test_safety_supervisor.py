@@ -339,6 +339,7 @@ class TableThatStaysOn(SimulatedTable):
         return self.exchange(TableCommand(step, 0.0)).table_displacement
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, TIGHT, {"safety__velocity_limit": 0.1, "safety__ramp_velocity": 0.1}])
 def test_simulated_table_is_at_rest_at_zero_after_every_test(changes):
     """The servo has unit gain at zero frequency: when the commands leave nothing, it does not either."""

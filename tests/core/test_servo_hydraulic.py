@@ -131,6 +131,7 @@ def test_without_pressure_the_table_does_not_move():
     assert np.abs(measured(table, commands)[:, 0]).max() < 1e-3 * usual
 
 
+@pytest.mark.slow
 def test_end_stop_holds_the_table_near_the_stroke():
     commands = np.full(200, 0.3)
     expected = Physical(ServoHydraulicConfig(stroke=0.01)).run(commands)

@@ -112,6 +112,7 @@ assert abs(filterpy.stats.stats.norm(0.0, 1.0).pdf(0.0) - scipy.stats.norm.pdf(0
 """
 
 
+@pytest.mark.slow
 def test_filter_is_that_of_filterpy_without_waiting_for_scipy_stats():
     done = subprocess.run([sys.executable, "-c", WITHOUT_STATS], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -87,6 +87,7 @@ def test_own_transfer_function_is_recovered_to_15_hz(name, order, degree, seed):
     assert min(model.criterion, key=model.criterion.get) == order
 
 
+@pytest.mark.slow
 def test_delay_of_equation_9_is_the_one_checked_from_the_paper():
     delay = identified(EQUATION_9, order=9).delay
     assert 26.9e-3 < delay.smallest < delay.seconds < delay.largest < 27.4e-3
@@ -193,6 +194,7 @@ def test_reversed_polarity_is_refused():
         identify_table(driven(config, ExcitationSettings(duration=30.0)), BAND, DELAY_BAND, order=1)
 
 
+@pytest.mark.slow
 def test_model_file_is_merged_over_a_configuration(tmp_path):
     model = identified(EQUATION_9, order=9, duration=120.0)
     path = tmp_path / "model.yaml"

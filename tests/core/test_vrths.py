@@ -255,6 +255,7 @@ def test_a_lead_is_no_lag():
 # Compensators
 
 
+@pytest.mark.slow
 def test_every_scheme_moves_the_actuator():
     acceleration, plants = ground(1.2), [NOMINAL, *perturbed_plants(1, 0)]
     for name in schemes():
@@ -278,6 +279,7 @@ def test_what_tracks_no_displacement_is_refused(name, problem):
         make_tracker(name, 1, 1)
 
 
+@pytest.mark.slow
 def test_best_scheme_follows_to_the_noise():
     """On the nominal plant, and on drawn ones: J₂ is what the noise of the transducer makes, and little more."""
     acceleration = ground(6.0)
@@ -295,6 +297,7 @@ def test_best_scheme_follows_to_the_noise():
     assert not found.limited.any()
 
 
+@pytest.mark.slow
 def test_trim_makes_another_actuator_answer_as_the_nominal_one():
     plants = [NOMINAL, PlantParameters(leakage=6.0), PlantParameters(valve_stiffness=92000.0)]
     times = np.arange(round(5.0 * RATE)) * TIME_STEP

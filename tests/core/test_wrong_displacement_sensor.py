@@ -53,6 +53,7 @@ def after_a_bad_network(scale):
     return loop, network.controller, motions[0], motions[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [*RIGHT, *WRONG])
 def test_table_is_not_led_away_after_a_test(scale):
     loop, controller, before, at_rest = after_a_bad_network(scale)
@@ -64,6 +65,7 @@ def test_table_is_not_led_away_after_a_test(scale):
         assert abs(at_rest.displacement) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [-1.0, -0.3, 3.0])
 def test_pulses_that_are_to_find_a_wrong_sensor_stay_as_small_as_they_are(scale):
     config, _, network, table = rig(sensors__table_displacement_scale=scale)

@@ -66,6 +66,7 @@ def test_a_damaged_byte_ends_the_reading_but_not_the_reader(bag: Path, record: R
     assert found.outcome == "cut"
 
 
+@pytest.mark.slow
 def test_no_damage_makes_the_reader_fail(bag: Path, record: RunRecord, tmp_path: Path) -> None:
     data = (bag / "run_0.mcap").read_bytes()
     rng = random.Random(3)
@@ -106,6 +107,7 @@ for step in itertools.count():
 """
 
 
+@pytest.mark.slow
 def test_after_sigkill_at_most_the_flush_period_is_lost(tmp_path: Path) -> None:
     bag = tmp_path / "run"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

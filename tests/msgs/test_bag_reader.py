@@ -31,6 +31,7 @@ from tests.conftest import examples
 from tests.msgs.bags import FINISHED, STAMPS, STEP_NS, Make, Same, bag_of, command, custom_data, measurement
 
 
+@pytest.mark.slow
 @settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
     max_examples=examples(30),

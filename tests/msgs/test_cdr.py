@@ -140,6 +140,7 @@ class TestMeasurement:
         assert equal(codec.unpack(data)[1], measurement(floors))
 
 
+@pytest.mark.slow
 @given(stamp=st.integers(0, 2**31 * 10**9 - 1), value=DOUBLES, frame=st.text(max_size=20))
 def test_scalar_round_trip(stamp: int, value: float, frame: str) -> None:
     codec = ScalarCodec(frame)

@@ -13,6 +13,7 @@ from tests.nodes.conftest import CONFIG
 from tests.nodes.small_campaign import AS_RECORDED, campaign, runs_of
 
 
+@pytest.mark.slow
 def test_campaign_runs_every_motion_and_scheme(run_main, records):
     status, output, errors = run_main(*campaign("--motions", records, "--json"))
     assert status == 0
@@ -47,6 +48,7 @@ def test_tables_stand_beside_those_of_the_paper(run_main, records):
     assert "│ other" in output
 
 
+@pytest.mark.slow
 def test_table_of_variations_has_a_row_a_record_and_variation_and_the_means(run_main, records):
     arguments = ("--motions", records, "--vary", "run.seed=1,2", "--vary", "safety.acceleration_limit=0.1,20.0")
     status, output, _ = run_main(*campaign(*arguments, "--schemes", "uc,plc", "--set", "safety.ramp_acceleration=0.1"))
@@ -57,6 +59,7 @@ def test_table_of_variations_has_a_row_a_record_and_variation_and_the_means(run_
     assert "unstable" not in output.replace("(unstable)", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [40, 60, 200])
 def test_table_shows_every_row_at_any_width(run_main, records, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", str(columns))
@@ -82,6 +85,7 @@ def test_paper_stands_beside_its_own_system_only(run_main, records):
         assert "Table 2" not in output
 
 
+@pytest.mark.slow
 def test_study_file_has_a_column_for_each_varied_parameter(run_main, records):
     vary = ("--vary", "run.seed=1,2", "--vary", "specimen.masses=[5200.0,3200.0],[5000.0,3000.0]")
     arguments = (*vary, "--schemes", "uc,plc", "--margins")

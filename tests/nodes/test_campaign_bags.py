@@ -11,6 +11,7 @@ from tests.nodes.conftest import CONFIG
 from tests.nodes.small_campaign import AS_RECORDED, campaign, csv_text, runs_of
 
 
+@pytest.mark.slow
 def test_bags_are_named_with_what_differs(run_main):
     short = ("--set", "ground_motion.duration=1.0", "--output", "bags", "--json")
     for changes in ((), ("--set", "force_correction.gain=0.3"), ("--scheme", "uc")):

@@ -17,6 +17,7 @@ from bmd_rths_nodes.run.bag_names import new_bag_directory
 from tests.nodes.conftest import CONFIG
 
 
+@pytest.mark.slow
 def test_simulate_prints_the_metrics_of_the_loop_in_process(run_main):
     status, output, _ = run_main("simulate", CONFIG, "--scheme", "fc", "--json")
     assert status == 0

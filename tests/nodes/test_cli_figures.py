@@ -39,6 +39,7 @@ def test_figures_of_both_systems_with_their_numbers(run_main, tmp_path):
     assert values["margin, Eq. 9, all modes"]["paper"] == "around 0.15"
 
 
+@pytest.mark.slow
 def test_table_for_a_person(run_main, tmp_path):
     status, output, _ = run_main(EIGHT_STORY, "--only", "8", "--output", "out")
     assert status == 0
@@ -47,6 +48,7 @@ def test_table_for_a_person(run_main, tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"figure_8.png", "figure_8.svg"}
 
 
+@pytest.mark.slow
 def test_installed_configurations_are_the_default(run_main, monkeypatch, tmp_path):
     share = tmp_path / "prefix" / "share"
     (share / "ament_index/resource_index/packages").mkdir(parents=True)
@@ -60,6 +62,7 @@ def test_installed_configurations_are_the_default(run_main, monkeypatch, tmp_pat
     assert [figure["number"] for figure in json.loads(output)["figures"]] == [8, 13]
 
 
+@pytest.mark.slow
 def test_a_test_that_was_stopped_has_status_1(run_main, tmp_path):
     stopped = CONFIG.read_text().replace(
         "acceleration_limit: 20.0", "acceleration_limit: 1.0\n      ramp_acceleration: 1.0"

@@ -60,6 +60,7 @@ def same(found, expected):
     return np.array_equal(np.asarray(found, dtype=float), expected, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_csv_read_with_pandas(run_main, bag, record, tmp_path):
     file = tmp_path / "test.csv"
     assert exported(run_main, bag, "--output", file) == f"{file}\n"
@@ -183,6 +184,7 @@ def test_computed_signals_are_those_of_the_report(run_main, bag, record, tmp_pat
     assert np.abs(twice - reference[1:-1]).max() < 0.03 * np.abs(reference).max()
 
 
+@pytest.mark.slow
 def test_several_bags_in_one_file(run_main, bag, record, tmp_path):
     other = tmp_path / "=cmd|' calc'!A0"
     shutil.copytree(bag, other)
@@ -235,6 +237,7 @@ def test_bundle_has_everything_an_archive_asks_for(run_main, bag, record, tmp_pa
     assert json.loads((folder / "coordinator" / "versions.json").read_text()) == dict(record.versions)
 
 
+@pytest.mark.slow
 def test_what_the_record_lacks_is_left_out_and_told(run_main, record, tmp_path):
     gone = np.full(record.steps, np.nan)
     bag = write_record(replace(record, required_force=gone), tmp_path / "bag")
@@ -244,6 +247,7 @@ def test_what_the_record_lacks_is_left_out_and_told(run_main, record, tmp_path):
     assert "story_drifts_1 [m]" not in pandas.read_csv(tmp_path / "test.csv").columns
 
 
+@pytest.mark.slow
 def test_readings_of_calibrated_sensors_stand_beside_their_values(run_main, record, tmp_path):
     calibrated = CONFIG.changed(
         sensors__table_acceleration_scale=-2.0,

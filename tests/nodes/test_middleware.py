@@ -94,6 +94,7 @@ def test_a_range_in_which_no_test_is_possible_is_refused(environment, scope):
         prepare_middleware()
 
 
+@pytest.mark.slow
 def test_a_node_refuses_such_a_range_in_one_line(start, as_a_person):
     as_a_person("OFF")
     result = start("-m", "bmd_rths_nodes.nodes.command_shaper").wait()
@@ -143,6 +144,7 @@ def test_shared_memory_that_a_person_has_asked_for_is_told(environment, capsys):
     assert "FASTDDS_BUILTIN_TRANSPORTS is DEFAULT, which has shared memory" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scope", ["LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"])
 def test_a_node_has_no_shared_memory(start, as_a_person, domain, scope):
     as_a_person(scope)

@@ -43,6 +43,7 @@ def set_parameter(client, name, value):
     return client.call(SetParameters, "/rths/command_shaper/set_parameters", request).results[0]
 
 
+@pytest.mark.slow
 def test_parameters_are_described_and_change_before_configuration_only(client, shaper):
     names = ["command_shaper.lead_time", "run.scheme", "run.seed", "autostart"]
     request = DescribeParameters.Request(names=names)
@@ -110,6 +111,7 @@ def with_hangup():
     signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
 def test_bare_node_starts_itself_tells_its_status_and_ends_in_order(client, start, with_hangup, ending):
     told = {}
@@ -187,6 +189,7 @@ WRONG_PARAMETERS = [
 ]
 
 
+@pytest.mark.slow
 def test_wrong_parameters_end_a_node_with_status_2_and_one_line(start):
     nodes = [(module, parameters) for module, parameters, _ in WRONG_PARAMETERS]
     result = start("-c", ONE_AFTER_THE_OTHER, json.dumps(nodes)).wait()
@@ -335,6 +338,7 @@ def test_node_that_waits_for_the_operator_survives_the_status_of_others(
     assert "Traceback" not in result.errors
 
 
+@pytest.mark.slow
 def test_every_node_of_a_process_is_made_safe_before_one_waits_for_its_last_words(start):
     """The table must not wait for the middleware."""
     script = """

@@ -139,6 +139,7 @@ def test_emergency_stop_acts_also_on_the_way_to_rest(client, driver):
     assert ask(client, "reset") == (True, "armed for a new test")
 
 
+@pytest.mark.slow
 def test_stop_before_step_0_keeps_a_test_from_beginning(client, driver):
     table = driver()
     wait_until(lambda: client.spin_some() or table.told.get("state") == "waiting")
@@ -146,6 +147,7 @@ def test_stop_before_step_0_keeps_a_test_from_beginning(client, driver):
     table.wait_for(state="tripped", table="at rest")
 
 
+@pytest.mark.slow
 def test_tripped_driver_is_reset_and_a_hold_is_brought_back_first(client, driver):
     table = driver(
         "safety.acceleration_limit:=1.0", "safety.ramp_acceleration:=1.0", "safety.acceleration_action:=hold"
@@ -161,6 +163,7 @@ def test_tripped_driver_is_reset_and_a_hold_is_brought_back_first(client, driver
     table.wait_for(state="waiting", trips="")
 
 
+@pytest.mark.slow
 def test_stop_acts_at_once_after_sensors_have_passed_a_limit_that_waits_for_the_next_command(client, driver):
     table = driver("safety.force_limit:=0.001", "safety.force_action:=hold")
     wait_until(lambda: table.send(0) or table.measured)
@@ -186,6 +189,7 @@ def test_reset_is_refused_while_there_is_nothing_to_reset_or_a_test_runs(client,
     wait_until(lambda: table.substructure_is(NodeState.ENDED) or ask(client, "reset")[0])
 
 
+@pytest.mark.slow
 def test_inactive_driver_answers_that_it_moves_nothing(client, driver):
     driver("autostart:=false")
     services, answer = ("stop", "emergency_stop", "reset"), (False, "the table driver is inactive; it moves nothing")

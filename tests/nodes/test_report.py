@@ -143,6 +143,7 @@ def test_gaps_zeros_and_markup_in_names_are_no_obstacle(run_main, record, tmp_pa
     assert "<h1>&lt;b&gt;&amp;, plc_fc</h1>" in (tmp_path / "gaps.html").read_text()
 
 
+@pytest.mark.slow
 def test_several_bags_are_compared_on_one_page(run_main, record, tmp_path):
     other = RthsLoop(
         Config().changed(
@@ -167,6 +168,7 @@ def test_several_bags_are_compared_on_one_page(run_main, record, tmp_path):
     assert page.text.index("1: plc_fc, one") < page.text.index("Run 3: The errors are left out")
 
 
+@pytest.mark.slow
 def test_what_is_said_of_deadlines_and_of_the_operator(record):
     timing = TimingStatistics(3, 2, (5, 6, 9), 0, {"p50": 1.0, "p99": 2.0, "max": 3.0})
     late = analysed(dataclasses.replace(record, outcome="limit", reason="safety.increment_limit", timing=timing))

@@ -14,6 +14,9 @@ from bmd_rths_msgs_py.topics import ROLES
 
 _PARAMETERS = "ros__parameters"
 
+#: Every node reads its file when it starts; the loader in C takes a tenth of the time where PyYAML has it.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
 
 def refuse_unreached(arguments: Sequence[str], nodes: Sequence[str]) -> None:
     """Refuse parameter files of which nothing reaches a node.
@@ -64,7 +67,7 @@ def parameter_files(arguments: Sequence[str]) -> list[str]:
 def _node_keys(file: str) -> Iterator[str]:
     """Yield the names of the nodes that a file has parameters for, as they would be if they were absolute."""
     try:
-        document = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
+        document = yaml.load(Path(file).read_text(encoding="utf-8"), Loader=_LOADER)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     yield from _keys_below(document, "")
