@@ -11,7 +11,7 @@ from bmd_rths_core.ground_motion.library import read_ground_motion
 from bmd_rths_core.integration.runge_kutta import runge_kutta_4, stage_responses
 from bmd_rths_core.vrths.actuator import Actuator, ActuatorMeasurement
 from bmd_rths_core.vrths.criteria import criteria, tracking_lag
-from bmd_rths_core.vrths.loop import reference_response, run_lanes
+from bmd_rths_core.vrths.loop import reference_response, required_force, run_lanes
 from bmd_rths_core.vrths.problem import (
     CASES,
     FORCE_LIMIT,
@@ -219,6 +219,19 @@ def test_reference_is_the_building_by_scipy():
 
 
 # Criteria
+
+
+def test_required_force_is_that_of_the_specimen_in_the_building_by_scipy():
+    motion = ground(5.0)
+    a, b = reference_building(3).motion()
+    times = TIME_STEP * np.arange(len(motion))
+    _, states, _ = lsim((a, b[:, :1], np.eye(6), np.zeros((6, 1))), motion, times)
+    position, velocity = states[:, 0], states[:, 3]
+    acceleration = np.gradient(velocity, TIME_STEP)
+    damping = 2.0 * 0.0097 * np.sqrt(29.13 * 1.19e6)
+    force = np.abs(29.13 * acceleration + damping * velocity + 1.19e6 * position).max()
+    assert required_force(3, motion) == pytest.approx(force, rel=1e-4)
+    assert required_force(3, 2.0 * motion) == pytest.approx(2.0 * required_force(3, motion), rel=1e-12)
 
 
 def test_criteria_worked_by_hand():

@@ -14,16 +14,20 @@ from bmd_rths_core.ground_motion.formats.stated import FROM_FILE
 FEW = ("--cases", "2", "--schemes", "velocity_lead,lqg_adaptive", "--plants", "2", "--jobs", "1", "--output", "out")
 
 
-@pytest.fixture
-def record(tmp_path):
+def pulse(tmp_path, amplitude):
     """Write a record of one second."""
     path = tmp_path / "pulse.csv"
     times = np.arange(101) * 0.01
-    values = np.sin(2.0 * np.pi * 4.0 * times) * np.sin(np.pi * times)
+    values = amplitude * np.sin(2.0 * np.pi * 4.0 * times) * np.sin(np.pi * times)
     path.write_text(
         "time_s,acceleration_m/s2\n" + "".join(f"{t:.2f},{a:.6f}\n" for t, a in zip(times, values, strict=True))
     )
     return path
+
+
+@pytest.fixture
+def record(tmp_path):
+    return pulse(tmp_path, 1.0)
 
 
 @pytest.mark.slow
@@ -59,6 +63,19 @@ def test_json_bags_and_report(run_main, record):
     last = points[-1][0]
     assert (last.header.stamp.sec, last.header.stamp.nanosec) == (1, 0)
     assert max(abs(point.point.y) for point, _ in points) > 1e-4
+
+
+def test_motion_that_no_actuator_of_the_problem_can_follow_is_told(run_main, tmp_path):
+    only = ("--cases", "2", "--schemes", "velocity_lead", "--plants", "0", "--jobs", "1", "--output", "out", "--json")
+    status, output, errors = run_main("benchmark", "vrths", "--motion", pulse(tmp_path, 20.0), *only)
+    (run,) = json.loads(output)["runs"]
+    assert status == 0
+    assert run["force_limited"] is True
+    assert run["required_force"] > 8900.0
+    words = f"pulse, building 2: its motion without partition needs {run['required_force']:.0f} N, more than the 8900 N"
+    assert words in errors
+    with open("out/report.html", encoding="utf-8") as file:
+        assert words in file.read()
 
 
 def test_table_is_shown(run_main, record):

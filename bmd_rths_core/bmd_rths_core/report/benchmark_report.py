@@ -93,8 +93,10 @@ def benchmark_report(summaries: Sequence[Summary], shown: Mapping[str, tuple[str
     largest = {name: max(max(one.nominal[name], one.worst.get(name, 0.0)) for one in own) for name in ("J2", "J4")}
     sections = []
     for motion in dict.fromkeys(one.motion for one in summaries):
-        rows = criteria_rows([one for one in summaries if one.motion == motion])
-        blocks: list[Block] = [Table(HEADER, tuple(rows))]
+        of_motion = [one for one in summaries if one.motion == motion]
+        blocks: list[Block] = [Table(HEADER, tuple(criteria_rows(of_motion)))]
+        infeasible = dict.fromkeys(one.infeasible for one in of_motion if one.infeasible)
+        blocks += [Paragraph(f"{problem}.") for problem in infeasible]
         if motion in shown:
             caption, run = shown[motion]
             blocks.append(Picture(tracked_displacement(run), caption))

@@ -15,7 +15,15 @@ from bmd_rths_core.loop.conductor import Begun, Conductor
 from bmd_rths_core.loop.hosting import VirtualClock
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.vrths.actuator import Actuator
-from bmd_rths_core.vrths.problem import TIME_STEP, Building, PlantParameters, numerical_building, reference_building
+from bmd_rths_core.vrths.problem import (
+    NOMINAL,
+    SPECIMEN_MASS,
+    TIME_STEP,
+    Building,
+    PlantParameters,
+    numerical_building,
+    reference_building,
+)
 from bmd_rths_core.vrths.substructure import DisplacementSubstructure
 from bmd_rths_core.vrths.trackers import Asked, Tracker
 
@@ -148,11 +156,38 @@ def reference_response(case: int, ground: FloatArray) -> FloatArray:
     ndarray, shape (N, 3)
         [m].
     """
+    return _reference_states(case, ground)[:, :3]
+
+
+def required_force(case: int, ground: FloatArray) -> float:
+    """Return the largest force that the nominal specimen needs for the motion of the building without partition [N].
+
+    Parameters
+    ----------
+    case : int
+        Building.
+    ground : ndarray, shape (N,)
+        a_g at the steps [m/s²].
+
+    Returns
+    -------
+    float
+        m_E ẍ + c_E ẋ + k_E x of its first floor: no compensator can follow what is beyond the limit of the actuator.
+    """
+    a, b = reference_building(case).motion()
+    states = _reference_states(case, ground)
+    acceleration = states @ a[3] + b[3, 0] * ground
+    force = SPECIMEN_MASS * acceleration + NOMINAL.specimen_damping * states[:, 3]
+    return float(np.max(np.abs(force + NOMINAL.specimen_stiffness * states[:, 0])))
+
+
+def _reference_states(case: int, ground: FloatArray) -> FloatArray:
+    """Return displacements and velocities of the floors of the building without partition, shape (N, 6)."""
     building: Building = reference_building(case)
     a, b = building.motion()
     step = runge_kutta_4(a, b[:, :1], TIME_STEP)
     # With z[k] = x[k] − Γ₁ a_g[k] only the ground acceleration of this step drives.
-    seen = np.eye(3, len(a))
+    seen = np.eye(len(a))
     system = DiscreteStateSpace(step.phi, step.phi @ step.gamma_1 + step.gamma_0, seen, seen @ step.gamma_1)
     simulation = LinearSimulation(system, -step.gamma_1 * ground[0])
     return np.asarray(simulation.advance(ground[:, None])[0].T)

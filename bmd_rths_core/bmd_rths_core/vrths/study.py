@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.vrths.criteria import CRITERIA, criteria
-from bmd_rths_core.vrths.loop import reference_response, run_lanes
+from bmd_rths_core.vrths.loop import reference_response, required_force, run_lanes
 from bmd_rths_core.vrths.problem import (
     CHIRP_AMPLITUDE,
     CHIRP_DURATION,
     CHIRP_FREQUENCIES,
     DISPLACEMENT_NOISE,
+    FORCE_LIMIT,
     INTENSITY,
     NOMINAL,
     RATE,
@@ -110,7 +111,8 @@ class FinishedPiece(NamedTuple):
     piece : BenchmarkPiece
     runs : list of dict
         One a plant: ``case``, ``plant``, ``motion``, ``scheme``, ``J1`` [ms], ``J2`` to ``J9`` [%], ``noise_floor``,
-        the part of J2 that is the noise of the transducer [%], and ``force_limited``.
+        the part of J2 that is the noise of the transducer [%], ``force_limited``, and ``required_force`` of its
+        building [N], see `required_force`.
     nominal : NominalRun
     """
 
@@ -155,7 +157,7 @@ def run_piece(piece: BenchmarkPiece) -> FinishedPiece:
     tracker = make_tracker(piece.scheme, piece.case, len(plants))
     ground = piece.motion.acceleration
     found = run_lanes(piece.case, plants, tracker, ground, seeds)
-    reference = reference_response(piece.case, ground)
+    reference, required = reference_response(piece.case, ground), required_force(piece.case, ground)
     runs = []
     for lane in range(len(plants)):
         motion, measured = found.displacement[:, :, lane], found.measured[:, lane]
@@ -168,6 +170,7 @@ def run_piece(piece: BenchmarkPiece) -> FinishedPiece:
                 **criteria(motion[:, 0], measured, reference, motion[:, 1:]),
                 "noise_floor": 100.0 * float(np.sqrt(DISPLACEMENT_NOISE * RATE) / motion[:, 0].std()),
                 "force_limited": bool(found.limited[lane]),
+                "required_force": required,
             }
         )
     first = found.displacement[:, :, 0].copy(), reference, found.command, found.measured[:, 0].copy(), found.force
@@ -187,6 +190,8 @@ class Summary(NamedTuple):
         Number of perturbed plants.
     noise_floor : float
         Of the nominal plant [%].
+    required_force : float
+        See `required_force` [N].
     """
 
     motion: str
@@ -197,6 +202,17 @@ class Summary(NamedTuple):
     worst: Mapping[str, float]
     perturbed: int
     noise_floor: float
+    required_force: float
+
+    @property
+    def infeasible(self) -> str:
+        """Why no compensator can follow; empty where one can."""
+        if self.required_force <= FORCE_LIMIT:
+            return ""
+        return (
+            f"{self.motion}, building {self.case}: its motion without partition needs {self.required_force:.0f} N, "
+            f"more than the {FORCE_LIMIT:g} N of the actuator; no compensator can follow it"
+        )
 
 
 def summarise(runs: Sequence[Mapping[str, Any]]) -> Summary:
@@ -211,6 +227,5 @@ def summarise(runs: Sequence[Mapping[str, Any]]) -> Summary:
     mean = {name: float(np.mean([run[name] for run in others])) for name in CRITERIA} if others else {}
     worst = {name: max(run[name] for run in others) for name in CRITERIA} if others else {}
     nominal = {name: first[name] for name in CRITERIA}
-    return Summary(
-        first["motion"], first["scheme"], first["case"], nominal, mean, worst, len(others), first["noise_floor"]
-    )
+    of_motion = first["noise_floor"], first["required_force"]
+    return Summary(first["motion"], first["scheme"], first["case"], nominal, mean, worst, len(others), *of_motion)

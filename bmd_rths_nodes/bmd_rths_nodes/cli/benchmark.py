@@ -16,7 +16,7 @@ import click
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_nodes.cli.campaign import usable_cores
-from bmd_rths_nodes.cli.options import check_writable, json_option, progress_bar
+from bmd_rths_nodes.cli.options import check_writable, json_option, log, progress_bar
 
 if TYPE_CHECKING:
     from bmd_rths_core.ground_motion.motion import GroundMotion
@@ -107,6 +107,8 @@ def vrths(
     work = list(pieces(numbers, records, names, plants, seed))
     runs_of, shown = _run(work, bags.absolute(), jobs or min(usable_cores(), len(work)))
     summaries = [summarise(runs) for runs in runs_of]
+    for problem in dict.fromkeys(one.infeasible for one in summaries if one.infeasible):
+        log(f"warning: {problem}")
     text = json.dumps(
         {
             "runs": [{key: _finite(value) for key, value in run.items()} for runs in runs_of for run in runs],
