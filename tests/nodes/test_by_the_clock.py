@@ -55,17 +55,34 @@ def stall(domain, name, seconds):
 def at_rest(controller, stalls=0):
     """Check where the commands, each held until the next one arrived, have led the table; return its motion.
 
-    The machine may be busy, and hold the host up besides the stalls of a test. How long it did is seen in the commands:
-    that long the table went on with the last one, at the end with some 20 mm/s and 0.02 m/s² at most.
+    The machine may be busy, and hold the host up besides the stalls of a test; how long it did is seen in the commands.
     """
-    motion = held(controller.commands)
-    longest = np.sort(periods(controller.commands))[-1 - stalls]
-    assert abs(motion.velocity) < 1e-3 + 0.02 * max(0.0, longest - 2.0 * DT)
-    assert abs(motion.displacement) < 1e-3 + 0.02 * max(0.0, longest - 2.0 * DT)
-    beyond = max(0.02, longest) * motion.largest_velocity
-    assert motion.largest_displacement < Config().safety.displacement_limit + beyond
+    motion = ends_at_rest(controller, stalls)
+    longest = held_up(controller, stalls)
+    assert (
+        motion.largest_displacement < Config().safety.displacement_limit + max(0.02, longest) * motion.largest_velocity
+    )
     assert motion.largest_velocity < Config().safety.velocity_limit
     return motion
+
+
+def ends_at_rest(controller, stalls):
+    """Check that the table stands at zero.
+
+    A host that is held up between its look at the clock and the packet cannot know how long the command before was
+    really held: with some 0.05 m/s² between the two a velocity is left that moves the table until the end.
+    """
+    motion = held(controller.commands)
+    unknown = max(0.0, held_up(controller, stalls) - 2.0 * DT)
+    duration = controller.commands[-1].time - controller.commands[0].time
+    assert abs(motion.velocity) < 1e-3 + 0.05 * unknown
+    assert abs(motion.displacement) < 1e-3 + (abs(motion.velocity) * duration if unknown else 0.0)
+    return motion
+
+
+def held_up(controller, stalls):
+    """Return how long the machine has held the host up at most, besides the stalls of a test [s]."""
+    return np.sort(periods(controller.commands))[-1 - stalls]
 
 
 def keeps_the_time_step(commands, late_ticks):
@@ -175,10 +192,7 @@ def test_stalls_of_the_process_that_drives_the_table(bmd_rths, domain, mode):
             stall(domain, name, 0.3)
             longest = 0.3
         told = json.loads(child.wait().output)
-        motion = held(controller.commands)
-        late = max(0.0, np.sort(periods(controller.commands))[-3] - 2.0 * DT)
-        assert abs(motion.velocity) < 1e-3 + 0.02 * late
-        assert abs(motion.displacement) < 1e-3 + 0.02 * late
+        ends_at_rest(controller, stalls=2)
         assert periods(controller.commands).max() > 0.9 * longest
         never_in_bursts(controller, told["steps"])
 
@@ -203,7 +217,7 @@ def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(b
         at_rest(controller)
 
 
-IDENTIFY = ("--what", "table", "--order", 1, "--band", 1, 20, "--duration", 10, "--json")
+IDENTIFY = ("--what", "table", "--order", 1, "--band", 1, 20, "--duration", 20, "--json")
 
 
 def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
@@ -212,7 +226,7 @@ def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
         assert result.status == 0, result.errors
         source = json.loads(result.output)["source"]
         steps, last = re.search(r"3 of (\d+) steps were not answered in time, used are 303 to (\d+)", source).groups()
-        assert int(last) == int(steps) - 1 > 2000
+        assert int(last) == int(steps) - 1 > 4000
         assert np.median(periods(controller.commands)) > 0.95 * DT
         at_rest(controller)
         assert periods(controller.commands).min() > 0.1 * DT
