@@ -145,7 +145,7 @@ def test_eight_story_building_on_a_hydraulic_table_is_identified_and_then_tested
     config = load_config(CONFIGS / "eight_story_bmd.yaml").changed(shear_estimator__source="load_cell")
     specimen, sensors = config.specimen.building(), config.simulated_table.sensors(5, 0)
     table = ServoHydraulicTable(config.servo_hydraulic, sensors, specimen, config.run.time_step)
-    command = excitation_command(ExcitationSettings(duration=120.0), config.run.time_step)
+    command = excitation_command(ExcitationSettings(duration=60.0), config.run.time_step)
     responses = drive(table, make_supervisor(config), command, config.run.time_step)
     of_specimen = identify_specimen(responses, config.specimen.masses, BAND)
     of_table = identify_table(responses, BAND, (BAND[0], 2.0 * np.pi * 8.0))

@@ -89,9 +89,10 @@ class VirtualNetwork:
     def now(self) -> float:
         return self.time * 1e-9
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes) -> float:
         if not self.cut:
             self._transmit(self._there, self._arriving, data)
+        return self.now()
 
     def receive(self) -> Datagram | None:
         self._deliver()

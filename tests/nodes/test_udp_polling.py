@@ -54,6 +54,32 @@ def test_answer_that_does_not_come_in_time_is_given_up_and_not_used_when_it_come
     wait_until(lambda: table.poll() is None and counts(table)["late"] == 1)
 
 
+class HeldUp:
+    """A socket of a process that gets no turn for 30 ms when it has sent."""
+
+    def __init__(self, own):
+        self._own = own
+
+    def __getattr__(self, name):
+        return getattr(self._own, name)
+
+    def sendto(self, data, address):
+        self._own.sendto(data, address)
+        time.sleep(0.03)
+
+
+def test_command_has_gone_when_the_process_is_held_up_after_it(scripted):
+    """From this time the driver counts how long a command was held."""
+    table, _ = scripted(lambda packet: [answer_to(packet)])
+    own = table._transport._socket
+    table._transport._socket = HeldUp(own)
+    before = time.perf_counter()
+    sent_at = table.begin(TableCommand(0, 0.0))
+    after = time.perf_counter()
+    table._transport._socket = own
+    assert before <= sent_at < after - 0.03
+
+
 def test_answer_that_a_newer_one_has_overtaken_is_counted_and_dropped(scripted):
     waiting = []
 

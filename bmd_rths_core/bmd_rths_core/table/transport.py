@@ -42,13 +42,18 @@ class Transport(Protocol):
     def now(self) -> float:
         """Return the time of a monotonic clock [s]."""
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes) -> float:
         """Send a datagram to the controller.
 
         Parameters
         ----------
         data : bytes
             The datagram.
+
+        Returns
+        -------
+        float
+            When it went out [s].
 
         Raises
         ------

@@ -161,7 +161,7 @@ class UdpTable:
             The table is stopped, or the step lies in the past.
         """
         sequence = self._link.send(Kind.COMMAND, *command, self._next(command))
-        sent_at = self._transport.now()
+        sent_at = self._link.sent_at
         self._pending[sequence] = _Pending(command, sent_at + self._answer_timeout)
         return sent_at
 

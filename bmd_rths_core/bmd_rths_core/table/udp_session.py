@@ -50,6 +50,11 @@ class UdpSession:
         Datagrams and clock of the host.
     session : int
         Number of the session, 32 bits, that no other host has.
+
+    Attributes
+    ----------
+    sent_at : float
+        When the last packet went out [s].
     """
 
     def __init__(
@@ -63,6 +68,7 @@ class UdpSession:
         self._sequence = 0
         self._of_no_use: dict[int, str] = {}
         self._counts = Counter(dict.fromkeys(_COUNTS, 0))
+        self.sent_at = -math.inf
 
     @property
     def where(self) -> str:
@@ -198,7 +204,7 @@ class UdpSession:
         time_ns = self._stamps.of(step) if kind is Kind.COMMAND else 0
         packet = HostPacket(kind, sequence, step, time_ns, acceleration, *motion, self._session)
         data = encode_host_packet(packet)
-        self._transport.send(data)
+        self.sent_at = self._transport.send(data)
         self._counts["sent"] += 1
         return sequence, data
 

@@ -60,11 +60,14 @@ class UdpSocket:
         """Return the time [s]."""
         return time.perf_counter()
 
-    def send(self, data: bytes) -> None:
-        """Send a datagram to the controller."""
+    def send(self, data: bytes) -> float:
+        """Send a datagram to the controller, and return when."""
         if self._socket is None:
             raise RuntimeError("not connected")
+        # A process is held up when the call returns, milliseconds on a busy machine: the datagram has gone by then.
+        sent_at = self.now()
         self._socket.sendto(data, self._peer)
+        return sent_at
 
     def receive(self) -> Datagram | None:
         """Return the next datagram that has arrived."""
