@@ -341,6 +341,8 @@ class StageNode(ManagedNode):
 
     def _say_what_is_waited_for(self, now: float) -> None:
         """Say on the console that the node waits, and for whom, or that it is ready: not while a test is under way."""
+        if self.end_of_test.outcome:  # nobody has offered another test yet
+            return
         words = self.ready_words
         if self.state is NodeState.WAITING:
             words = f"waiting for {self.note or self.waited_for() or 'the others'}"
