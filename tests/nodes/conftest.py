@@ -16,15 +16,20 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
 
 from bmd_rths_core import RthsLoop, load_config, select_ground_motion
+from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.record_bag import write_record
 from bmd_rths_nodes.cli.main import main
 from bmd_rths_nodes.hardware.controllers import make_table_controller
+from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
+from bmd_rths_nodes.ros.status import NodeStatus
 from tests.conftest import made_once
 from tests.nodes.scripted_controller import REAL_TIME, Script
 
@@ -234,6 +239,25 @@ def client(domain):
     executor.shutdown()
     node.destroy_node()
     context.try_shutdown()
+
+
+class Substructure:
+    """A numerical substructure, as far as a client tells of itself that it is one."""
+
+    def __init__(self, client):
+        self._client, self._number = client, 0
+        self._diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+
+    def tell(self, state):
+        values = {"run": f"test {self._number}", "instance": "client"}
+        told = NodeStatus("/rths/numerical_substructure", state, values=values)
+        self._diagnostics.publish(status.to_message(told, int(time.time()), 0))
+        self._client.spin_some()
+
+    def offer(self, run_of_driver):
+        """Offer a new test, until the driver tells that it takes part."""
+        self._number += 1
+        wait_until(lambda: self.tell(NodeState.WAITING) or run_of_driver() == f"test {self._number}")
 
 
 @pytest.fixture

@@ -1,10 +1,13 @@
 """What nodes that a person started say on their consoles: for whom they wait, that they are ready, how it ended."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from bmd_rths_core.loop.states import NodeState
 from bmd_rths_msgs_py.node_status import NodeStatus
 from bmd_rths_nodes.ros.end_of_test import LINGER, EndOfTest
+from bmd_rths_nodes.ros.stage_node import StageNode
 from tests.nodes.conftest import CONFIG
 
 SHORT = ("-p", "run.lockstep:=true", "-p", "ground_motion.duration:=0.5")
@@ -31,6 +34,21 @@ def test_nodes_say_for_whom_they_wait_that_they_are_ready_and_how_the_test_has_e
         said = [line for line in told.splitlines() if ": waiting for " in line or ": ready; " in line]
         assert len(said) == len({line.partition("[rths.")[2] for line in said}), told  # each once
     assert "the test has ended" not in loop.errors.read_text()  # the numerical substructure says more
+
+
+def test_a_node_is_not_ready_once_more_when_its_test_has_ended():
+    said = []
+    node = SimpleNamespace(state=NodeState.READY, ready_words="ready", _said="", _say_due=0.0, log_later=said.append)
+    node.end_of_test = EndOfTest(recorded=False)
+    StageNode._say_what_is_waited_for(node, 0.0)
+    assert said == ["ready"]
+    node._said = "the test has ended, finished"
+    node.end_of_test.hear(told("numerical_substructure", NodeState.ENDED, outcome="finished"))
+    StageNode._say_what_is_waited_for(node, 1.0)
+    assert said == ["ready"]
+    node.end_of_test = EndOfTest(recorded=False)  # of the next test, which was offered
+    StageNode._say_what_is_waited_for(node, 2.0)
+    assert said == ["ready", "ready"]
 
 
 @pytest.mark.slow

@@ -226,17 +226,24 @@ def test_a_test_that_does_not_run_is_one_line(monkeypatch):
 
 
 def test_ros2_doctor_tells_the_same(monkeypatch):
-    """`ros2cli` is no wheel: what its documentation says of `ros2doctor.api` takes its place."""
+    """`ros2cli` is no wheel: what `ros2doctor` of Jazzy has takes its place. A result counts, the check prints."""
 
     class Result:
         def __init__(self):
-            self.errors, self.warnings = [], []
-            self.add_error, self.add_warning = self.errors.append, self.warnings.append
+            self.error = self.warning = 0
 
-    api = types.ModuleType("ros2doctor.api")
+        def add_error(self):
+            self.error += 1
+
+        def add_warning(self):
+            self.warning += 1
+
+    errors, warnings = [], []
+    package, api, output = (types.ModuleType(f"ros2doctor{rest}") for rest in ("", ".api", ".api.format"))
     api.DoctorCheck, api.Result = object, Result
-    monkeypatch.setitem(sys.modules, "ros2doctor", types.ModuleType("ros2doctor"))
-    monkeypatch.setitem(sys.modules, "ros2doctor.api", api)
+    output.doctor_error, output.doctor_warn = errors.append, warnings.append
+    for module in (package, api, output):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.delitem(sys.modules, "bmd_rths_nodes.doctor.ros2", raising=False)
     monkeypatch.setenv("ROS_DOMAIN_ID", "500")
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
@@ -245,6 +252,7 @@ def test_ros2_doctor_tells_the_same(monkeypatch):
     check = BmdRthsCheck()
     result = check.check()
     assert check.category() == "bmd_rths"
-    assert [text for text in result.errors if text.startswith("ROS domain: 500")]
-    assert [text for text in result.warnings if text.startswith("middleware: rmw_zenoh_cpp")]
+    assert [text for text in errors if text.startswith("bmd_rths: ROS domain: 500; set ROS_DOMAIN_ID")]
+    assert [text for text in warnings if text.startswith("bmd_rths: middleware: rmw_zenoh_cpp; unset")]
+    assert (result.error, result.warning) == (len(errors), len(warnings))
     sys.modules.pop("bmd_rths_nodes.doctor.ros2")

@@ -1,6 +1,7 @@
 """What the node of the table driver makes of a word at a bad moment: the node itself, without a middleware."""
 
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,8 +11,13 @@ from bmd_rths_core.loop.states import DriveState, NodeState, Outcome
 from bmd_rths_core.loop.table_driver import TableDriver
 from bmd_rths_core.safety import Action
 from bmd_rths_core.table.models.simulated import SimulatedTable
+from bmd_rths_msgs_py.cdr import ScalarCodec
+from bmd_rths_msgs_py.topics import COMMAND, NUMERICAL_SUBSTRUCTURE, TABLE_DRIVER
 from bmd_rths_nodes.nodes.table_driver import TableDriverNode
 from bmd_rths_nodes.ros import status
+from bmd_rths_nodes.ros.agreement import Agreement
+from bmd_rths_nodes.ros.end_of_test import EndOfTest
+from bmd_rths_nodes.ros.intra_process import IntraProcess
 from bmd_rths_nodes.ros.status import NodeStatus
 from bmd_rths_nodes.ros.step_order import StepOrder
 
@@ -53,6 +59,17 @@ class BareNode(TableDriverNode):
         self._forget_the_last_test()
         self._driver.arm()
         self.steps = 0
+        self.agreement, self.order = Agreement(TABLE_DRIVER, "process of the driver"), StepOrder(CONFIG.run.stamps)
+        self.end_of_test = EndOfTest(recorded=False)
+        self._intra_process, self._said = IntraProcess([TABLE_DRIVER]), ""
+        self._connections = SimpleNamespace(listen=self._listen)
+        self.subscribe_to(COMMAND, self._on_command)
+
+    def _listen(self, topic, on_message, profile):
+        self.arrive = on_message
+
+    def status_due_within(self, seconds):
+        pass
 
     def set_state(self, state, note="", level=status.OK):
         self.state, self.note = state, note
@@ -148,6 +165,63 @@ def test_controller_that_raises_what_it_should_not_is_stopped_and_released_all_t
         node.stop_stage()
     assert node.table.calls[-2:] == ("stop", "close")
     assert node._driver.state is DriveState.RELEASED
+
+
+# ---- commands of no test
+
+
+class Loop:
+    """What the driver hears of the rest of the loop: the numerical substructure, and whoever sends commands."""
+
+    def __init__(self, node):
+        self.node, self.agreement = node, Agreement(NUMERICAL_SUBSTRUCTURE, "process of another node")
+
+    def offer(self):
+        self.agreement.begin({})
+        self.tell(NodeState.WAITING)
+
+    def tell(self, state, **values):
+        values |= self.agreement.identity()
+        name = f"/rths/{NUMERICAL_SUBSTRUCTURE}"
+        self.node._hear(NodeStatus(name, state, values=values, stamp=time.time()))
+
+    def send(self, step, acceleration=1.0):
+        self.node.arrive(ScalarCodec().pack(CONFIG.run.stamps.of(step), acceleration))
+        return self.node._driver.state
+
+
+def test_commands_of_a_lone_publisher_move_nothing(node):
+    """A person at the keyboard, or a bag that is played: no test was offered that they could be of."""
+    loop = Loop(node)
+    assert {loop.send(step) for step in range(5)} == {DriveState.ARMED}
+    assert node.to_log == [(status.WARN, "command dropped: numerical_substructure has offered no test it could be of")]
+    loop.offer()
+    assert loop.send(0) is DriveState.FOLLOWING
+
+
+def test_commands_that_come_late_after_a_test_that_had_ended_before_the_first_of_them_move_nothing(node):
+    """A command shaper that stood still: the deadlines ended the test, and then its commands arrive."""
+    loop = Loop(node)
+    loop.offer()
+    loop.tell(NodeState.RUNNING)
+    loop.tell(NodeState.ENDED, outcome="failed")
+    assert {loop.send(step) for step in (20, 21, 0, 1)} == {DriveState.ARMED}
+    assert node.to_log[1:] == []  # but for how the test has ended
+    loop.offer()
+    assert loop.send(0) is DriveState.FOLLOWING
+    assert node._driver.last_passed == 0
+
+
+def test_commands_after_a_test_do_not_begin_another_one(node):
+    loop = Loop(node)
+    loop.offer()
+    for step in range(10):
+        loop.send(step)
+    loop.tell(NodeState.ENDED, outcome="finished")
+    node.finish()
+    assert {loop.send(step) for step in (10, 0, 1)} == {DriveState.AT_REST}
+    loop.offer()
+    assert loop.send(0) is DriveState.FOLLOWING
 
 
 # ---- steps of the next test

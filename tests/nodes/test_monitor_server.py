@@ -3,6 +3,7 @@
 import numpy as np
 
 from bmd_rths_core.analysis.supervised_peaks import largest_increment
+from bmd_rths_msgs_py import bag_follower
 from bmd_rths_nodes.monitor_page.recordings import Recordings
 from tests.nodes.monitor_view import looked_at
 
@@ -74,6 +75,23 @@ def test_one_bag_its_folder_and_a_bag_that_is_added_later(campaign_folder, tmp_p
     assert recordings.view(older["id"]) is None
     assert recordings.view("../../etc") is None
     assert recordings.view(newest["id"]) is not None
+
+
+def test_a_recording_is_loading_until_all_of_it_was_read(campaign_folder, monkeypatch):
+    """What was read so far is of the past: it says neither that there is no test, nor that it runs or was cut."""
+    monkeypatch.setattr(bag_follower, "LARGEST_LOOK", 50_000)
+    recordings = Recordings(campaign_folder)
+    (bag,) = recordings.listed()
+    view = recordings.view(bag["id"])
+    expected = {"word": "LOADING", "sentence": f"the recording {bag['name']} is being read", "colour": "quiet"}
+    assert view.look(None, 0, 10.0, 2e9) == {"banner": expected}
+    steps = [0]
+    while recordings.look():
+        found = view.look(None, 0, 10.0, 2e9)
+        assert found["banner"] == expected
+        steps.append(found["steps"])
+    assert len(set(steps)) > 3
+    assert view.look(None, 0, 10.0, 2e9)["banner"]["word"] == "FINISHED"
 
 
 def test_a_bag_that_cannot_be_read_says_why(tmp_path):

@@ -24,7 +24,7 @@ from bmd_rths_msgs_py.bag_reader import read_bag
 from bmd_rths_msgs_py.topics import CORRECTED_FORCE, DIAGNOSTICS, ROLES, TOPICS
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.messages import message_class
-from tests.nodes.conftest import change_state, wait_until
+from tests.nodes.conftest import Substructure, change_state, wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 
 
@@ -256,7 +256,7 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
     client.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QoSProfile(depth=10))
     client.create_subscription(JointTrajectory, "/rths/measurement", measured.append, QoSProfile(depth=10))
     commands = client.create_publisher(AccelStamped, "/rths/command", QoSProfile(depth=10))
-    diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+    substructure = Substructure(client)
     start(
         "-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", "-p", "run.record:=false", "-p", "run.lockstep:=true"
     )
@@ -271,6 +271,9 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
         client.spin_some()
         return told.get("/rths/table_driver", {}).get("table")
 
+    def run():
+        return told.get("/rths/table_driver", {}).get("run")
+
     def begin():
         """Send two steps, and wait before sending them again: a step 0 that is still on its way begins a new test."""
         send(0)
@@ -280,16 +283,17 @@ def test_table_is_stopped_when_the_test_ends_and_late_commands_do_not_move_it_ag
             client.spin_some()
         return measured
 
+    substructure.offer(run)
     wait_until(begin)
     wait_until(lambda: table() == "moving")
-    ended = status.NodeStatus("/rths/numerical_substructure", NodeState.ENDED)
-    diagnostics.publish(status.to_message(ended, 0, 0))
+    substructure.tell(NodeState.ENDED)
     wait_until(lambda: table() == "at rest")
     measured.clear()
-    for step in range(2, 30):
+    for step in (*range(2, 30), 0, 1):
         send(step)
     assert measured == []
     assert table() == "at rest"
+    substructure.offer(run)
     wait_until(lambda: send(0) or measured)  # a new test begins at step 0
     wait_until(lambda: table() == "moving")
 

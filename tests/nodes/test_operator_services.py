@@ -17,8 +17,7 @@ from bmd_rths_core.loop.states import NodeState
 from bmd_rths_core.loop.table_driver import NOT_CONFIRMED
 from bmd_rths_core.table.emulated.faults import parse_fault
 from bmd_rths_core.table.wire import Interlock
-from bmd_rths_nodes.ros import status
-from tests.nodes.conftest import change_state, wait_until
+from tests.nodes.conftest import Substructure, change_state, wait_until
 from tests.nodes.emulation import LOCKSTEP, emulator
 
 #: The slowest way to rest that is allowed. After two steps at 1 m/s² it takes 1 s to brake, and 5 s over 5 mm back.
@@ -54,7 +53,7 @@ class Driver:
         client.create_subscription(JointTrajectory, "/rths/measurement", self.measured.append, QoSProfile(depth=10))
         client.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QoSProfile(depth=10))
         self._commands = client.create_publisher(AccelStamped, "/rths/command", QoSProfile(depth=10))
-        self._diagnostics = client.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self.substructure = Substructure(client)
         given = [word for parameter in ("run.record:=false", *parameters) for word in ("-p", parameter)]
         self.child = start("-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", *given)
 
@@ -70,15 +69,15 @@ class Driver:
         self._commands.publish(message)
         self._client.spin_some()
 
-    def substructure_is(self, state):
-        message = status.to_message(status.NodeStatus("/rths/numerical_substructure", state), 0, 0)
-        self._diagnostics.publish(message)
-        self._client.spin_some()
+    def offer_test(self):
+        """Let the two sides meet, and agree on a test."""
+        wait_until(lambda: self._client.spin_some() or self._commands.get_subscription_count())
+        self.substructure.offer(lambda: self.told.get("run"))
 
     def move(self, acceleration=0.5):
-        """Begin a test when the two sides have met. Step 0 goes out once: a second one would begin another test."""
+        """Begin a test. Step 0 goes out once: a second one would begin another test."""
+        self.offer_test()
         self.measured.clear()
-        wait_until(lambda: self._client.spin_some() or (self.told and self._commands.get_subscription_count()))
         steps = count()
         self.send(next(steps), acceleration)
         self.send(next(steps), acceleration)
@@ -166,6 +165,7 @@ def test_tripped_driver_is_reset_and_a_hold_is_brought_back_first(client, driver
 @pytest.mark.slow
 def test_stop_acts_at_once_after_sensors_have_passed_a_limit_that_waits_for_the_next_command(client, driver):
     table = driver("safety.force_limit:=0.001", "safety.force_action:=hold")
+    table.offer_test()
     wait_until(lambda: table.send(0) or table.measured)
     assert ask(client, "stop") == (True, "the table is brought to rest, after step 0")
     table.wait_for(state="tripped", supervisor="stopped", table="at rest", outcome="stopped")
@@ -182,11 +182,11 @@ def test_reset_is_refused_while_there_is_nothing_to_reset_or_a_test_runs(client,
     table.wait_for(state="tripped", table="at rest")
 
     def refused():
-        table.substructure_is(NodeState.RUNNING)
+        table.substructure.tell(NodeState.RUNNING)
         return ask(client, "reset") == (False, "a test is running; stop it first")
 
     wait_until(refused)
-    wait_until(lambda: table.substructure_is(NodeState.ENDED) or ask(client, "reset")[0])
+    wait_until(lambda: table.substructure.tell(NodeState.ENDED) or ask(client, "reset")[0])
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from rclpy.qos import QoSProfile
 from trajectory_msgs.msg import JointTrajectory
 
 from bmd_rths_core.table.wire import Kind
-from tests.nodes.conftest import wait_until
+from tests.nodes.conftest import Substructure, wait_until
 from tests.nodes.scripted_controller import Script, answer_to
 
 TIME_STEP_NS = 100_000_000
@@ -34,7 +34,7 @@ class Driver:
         }
         parameters = [argument for name, value in settings.items() for argument in ("-p", f"{name}:={value}")]
         self._node = start("-m", "bmd_rths_nodes.nodes.table_driver", "--ros-args", *parameters)
-        wait_until(lambda: self.spin() or self.told)
+        Substructure(ros).offer(lambda: self.told.get("run"))
 
     def spin(self):
         self._client.spin_some()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ros2doctor.api import DoctorCheck, Result
+from ros2doctor.api.format import doctor_error, doctor_warn
 
 from bmd_rths_nodes.doctor.finding import PROBLEM, WARNING
 from bmd_rths_nodes.doctor.machine import Machine
@@ -16,12 +17,14 @@ class BmdRthsCheck(DoctorCheck):
         return "bmd_rths"
 
     def check(self) -> Result:
-        """Look at this computer."""
+        """Look at this computer, print what is to be changed, and count it."""
         result = Result()
         for finding in Machine().findings():
-            text = f"{finding.name}: {finding.found}; {finding.advice}"
+            text = f"bmd_rths: {finding.name}: {finding.found}; {finding.advice}"
             if finding.level == PROBLEM:
-                result.add_error(text)
+                doctor_error(text)
+                result.add_error()
             elif finding.level == WARNING:
-                result.add_warning(text)
+                doctor_warn(text)
+                result.add_warning()
         return result

@@ -42,6 +42,11 @@ def no_run() -> Banner:
     return Banner("NO TEST", "waiting for a recording", QUIET)
 
 
+def loading(name: str) -> Banner:
+    """Return the banner of a recording of which not everything that is there was read yet."""
+    return Banner("LOADING", f"the recording {name} is being read", QUIET)
+
+
 def banner(run: GrowingRun, snapshot: Mapping[str, Any], used: Mapping[str, float], now: float) -> Banner:
     """Return what the page says of a run as it is now.
 

@@ -117,12 +117,14 @@ class Recordings:
         return more
 
     def _look(self, view: RunView) -> bool:
+        more = False
         try:
-            return view.follower.look()
+            more = view.follower.look()
         except InputError as error:
             view.problem = str(error)
             view.follower.damaged = True
-            return False
+        view.loading = view.loading and more
+        return more
 
 
 def _age(bag: Path) -> tuple[float, str]:

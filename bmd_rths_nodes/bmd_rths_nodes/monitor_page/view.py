@@ -13,7 +13,7 @@ from bmd_rths_core.signals import SIGNALS
 from bmd_rths_msgs_py.bag_follower import BagFollower
 from bmd_rths_msgs_py.growing_run import GrowingRun, Told
 from bmd_rths_msgs_py.topics import NUMERICAL_SUBSTRUCTURE
-from bmd_rths_nodes.monitor_page.banner import ALARM, Banner, banner, looking_back, no_run
+from bmd_rths_nodes.monitor_page.banner import ALARM, Banner, banner, loading, looking_back, no_run
 from bmd_rths_nodes.monitor_page.events import EventLog
 from bmd_rths_nodes.run.graph_state import number, numbers, take_snapshot
 
@@ -39,11 +39,14 @@ class RunView:
     ----------
     problem : str
         Why it cannot be read any further; empty when it can.
+    loading : bool
+        True until everything that was there was read once: what is known until then is of the past.
     """
 
     def __init__(self, follower: BagFollower) -> None:
         self.follower = follower
         self.problem = ""
+        self.loading = True
         self._events = EventLog()
 
     def look(self, at: int | None, since: int, span: float, now: float) -> dict[str, Any]:
@@ -67,7 +70,8 @@ class RunView:
         """
         run = self.follower.run
         if run is None:
-            found = Banner("CANNOT BE READ", self.problem, ALARM) if self.problem else no_run()
+            nothing_yet = loading(self.follower.path.name) if self.loading else no_run()
+            found = Banner("CANNOT BE READ", self.problem, ALARM) if self.problem else nothing_yet
             return {"banner": found._asdict()}
         self._events.update(run.told)
         steps = run.shown_steps
@@ -77,9 +81,14 @@ class RunView:
         told = run.told if shown == steps else run.told[: bisect_right(run.told, shown, key=lambda entry: entry.step)]
         live = not (self.follower.ended or self.follower.damaged)
         begin = shown * time_step - span
+        said = (
+            loading(self.follower.path.name)
+            if self.loading
+            else _banner(run, None if shown == steps else shown * time_step, live, now)
+        )
         return {
             "story": _story(run, told),
-            "banner": _banner(run, None if shown == steps else shown * time_step, live, now)._asdict(),
+            "banner": said._asdict(),
             "live": live,
             "steps": steps,
             "at": shown,

@@ -52,6 +52,8 @@ class TableDriverNode(StageNode):
 
     _driver: TableDriver
     _test_runs_until = 0.0
+    _test_is_over = False
+    _stray_told = False
 
     def make_table(self, config: Config) -> TableController:
         """Return the table controller, not connected yet; a driver of somebody else has one of its own."""
@@ -250,6 +252,20 @@ class TableDriverNode(StageNode):
         """True when the table stands and no trip is latched."""
         return super().free and not (self.configured and self._driver.moving)
 
+    def takes(self, topic: str) -> bool:
+        """Take the commands of a test that was agreed on, until it ends; nobody else moves the table."""
+        agreed = bool(self.agreement.run)
+        taking_part = super().takes(topic)
+        if taking_part and not agreed and not self._stray_told:
+            self._stray_told = True
+            self.log_later(f"{topic} dropped: {NUMERICAL_SUBSTRUCTURE} has offered no test it could be of", status.WARN)
+        return taking_part and agreed and not self._test_is_over
+
+    def on_new_test(self) -> None:
+        """Take the commands of this test from now on."""
+        super().on_new_test()
+        self._test_is_over = self._stray_told = False
+
     def on_peer(self, peer: NodeStatus) -> None:
         """Bring the table to rest when the test has ended; what is still on its way must not move it again."""
         if peer.role != NUMERICAL_SUBSTRUCTURE:
@@ -259,6 +275,7 @@ class TableDriverNode(StageNode):
         self._test_runs_until = time.perf_counter() + 2.0 * STATUS_PERIOD if running else 0.0
         if peer.state not in (NodeState.ENDED, NodeState.INACTIVE):
             return
+        self._test_is_over = True  # also of a driver that has got none of its commands yet
         action = _ACTIONS_AT_THE_END.get(peer.values.get("action", ""), Action.RAMP)
         severer = action is Action.EMERGENCY_STOP and self._driver.moving  # than what the driver has begun by itself
         if self._driver.state is DriveState.FOLLOWING or severer:

@@ -112,6 +112,10 @@ class StageNode(ManagedNode):
         self.end_of_test = EndOfTest(self.config.run.record)
         self.order.expect_new_test()
 
+    def takes(self, topic: str) -> bool:
+        """Tell whether a message of a topic of the loop is looked at now."""
+        return self.state in _TAKING_PART
+
     def on_missed_beginning(self) -> None:
         """Take note of a test that began without this node."""
 
@@ -174,7 +178,7 @@ class StageNode(ManagedNode):
         name = topic.name
 
         def on_message(data: bytes) -> None:
-            if self.state not in _TAKING_PART:
+            if not self.takes(name):
                 return
             try:
                 stamp, value = unpack(data)
@@ -341,6 +345,8 @@ class StageNode(ManagedNode):
 
     def _say_what_is_waited_for(self, now: float) -> None:
         """Say on the console that the node waits, and for whom, or that it is ready: not while a test is under way."""
+        if self.end_of_test.outcome:  # nobody has offered another test yet
+            return
         words = self.ready_words
         if self.state is NodeState.WAITING:
             words = f"waiting for {self.note or self.waited_for() or 'the others'}"
