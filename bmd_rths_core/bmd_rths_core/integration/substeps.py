@@ -1,0 +1,126 @@
+"""Sub-steps: signals of an integration that is N times slower than the loop, predicted and then corrected.
+
+While the integration computes its next target, the signals follow a polynomial through the last targets; from the
+hand-over on they follow the one that ends at the new target. Both are exact for polynomials of their order (Nakashima
+and Masaoka 1999; Schellenberg, Mahin and Fenves 2009).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+
+FloatArray = NDArray[np.float64]
+
+#: Order of both polynomials; docs/decisions/0020 has the measurement.
+ORDER = 2
+
+#: Most sub-steps: with more, the table is led by predictions of the building rather than by the building.
+MOST_SUBSTEPS = 20
+
+
+def hand_over(substeps: int) -> int:
+    """Return the sub-step at which a target has to be there: the last one within 80 % of the integration step.
+
+    Parameters
+    ----------
+    substeps : int
+        N.
+    """
+    return 4 * substeps // 5
+
+
+def lagrange(nodes: FloatArray, time: float) -> FloatArray:
+    """Return the weights of values at some nodes that make their polynomial at a time.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (p + 1,)
+        Times of the values, all different.
+    time : float
+        Where the polynomial of order p is asked for.
+
+    Returns
+    -------
+    ndarray, shape (p + 1,)
+    """
+    weights = np.ones(len(nodes))
+    for i, node in enumerate(nodes):
+        others = np.delete(nodes, i)
+        weights[i] = np.prod((time - others) / (node - others))
+    return weights
+
+
+def substep_weights(substeps: int, order: int = ORDER) -> FloatArray:
+    """Return what every sub-step takes of the last targets, the newest first.
+
+    Parameters
+    ----------
+    substeps : int
+        N.
+    order : int
+        p.
+
+    Returns
+    -------
+    ndarray, shape (N, p + 1)
+        Before the hand-over the newest target is that of sub-step 0, from it on that of the next sub-step 0.
+    """
+    behind, change = -np.arange(order + 1.0), hand_over(substeps)
+    return np.array([lagrange(behind + (part >= change), part / substeps) for part in range(substeps)])
+
+
+def extrapolated_load(now: float, before: float) -> float:
+    """Return the load at the end of an integration step, on the line through those at its beginning and one before.
+
+    Parameters
+    ----------
+    now, before : float
+        In any unit.
+    """
+    return 2.0 * now - before
+
+
+def periodic_state_space(
+    targets: DiscreteStateSpace, direct: FloatArray, substeps: int, order: int = ORDER
+) -> list[DiscreteStateSpace]:
+    """Return a sub-stepped integration as N linear systems, one a sub-step, which share their state.
+
+    Parameters
+    ----------
+    targets : DiscreteStateSpace
+        The integration from one target to the next: inputs another load and the force, outputs the n targets.
+    direct : ndarray, shape (n, 2)
+        What the newest inputs add to the outputs in every sub-step, beside the polynomials.
+    substeps : int
+        N.
+    order : int
+        p.
+
+    Returns
+    -------
+    list of DiscreteStateSpace
+        Their first input is the other load at the next target in sub-step 0, and of no account in the others. The state
+        is that of the integration, the other load at the target that is due, the target to come as it is expected, the
+        last p + 1 targets, and the force at the target before.
+    """
+    states, outputs = len(targets.a), len(targets.c)
+    size = states + 1 + outputs * (order + 2) + 1
+    rows = np.eye(size + 2)
+    own, due, history = rows[:states], rows[states : states + 1], rows[states + 1 : size - 1]
+    before, load, force = rows[size - 1 : size], rows[size : size + 1], rows[size + 1 :]
+    loads = np.vstack((due, force))
+    met, moved = targets.c @ own + targets.d @ loads, targets.a @ own + targets.b @ loads
+    expected = np.vstack((load, extrapolated_load(1.0, 0.0) * force + extrapolated_load(0.0, 1.0) * before))
+    coming = targets.c @ moved + targets.d @ expected
+    begun = np.vstack((moved, load, coming, met, history[outputs:-outputs], force))
+    systems = []
+    for part, weights in enumerate(substep_weights(substeps, order)):
+        following = begun if part == 0 else rows[:size]
+        first = states + 1 + (0 if part >= hand_over(substeps) else outputs)
+        taken = following[first : first + outputs * (order + 1)]
+        output = np.kron(weights, np.eye(outputs)) @ taken + direct @ rows[size:]
+        systems.append(DiscreteStateSpace(following[:, :size], following[:, size:], output[:, :size], output[:, size:]))
+    return systems
