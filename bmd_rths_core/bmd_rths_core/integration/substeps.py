@@ -20,6 +20,11 @@ ORDER = 2
 #: Most sub-steps: with more, the table is led by predictions of the building rather than by the building.
 MOST_SUBSTEPS = 20
 
+#: Shares of a step that hydraulic laboratories let its computation take: more than the first warns, the second refuses.
+#: The part is that of the first in the second, for a hand-over that is earlier than at 80 %.
+WARNED_SHARE, LARGEST_SHARE = 0.6, 0.8
+WARNED_PART = 0.75
+
 
 def hand_over(substeps: int) -> int:
     """Return the sub-step at which a target has to be there: the last one within 80 % of the integration step.
@@ -30,6 +35,35 @@ def hand_over(substeps: int) -> int:
         N.
     """
     return 4 * substeps // 5
+
+
+def longest_integration(substeps: int, time_step: float) -> float:
+    """Return the time that an integration may take [s]: until the hand-over, or 80 % of a step without sub-steps.
+
+    Parameters
+    ----------
+    substeps : int
+        N.
+    time_step : float
+        Δt of the loop [s].
+    """
+    return time_step * (hand_over(substeps) if substeps > 1 else LARGEST_SHARE)
+
+
+def substeps_for(duration: float, time_step: float, longest_step: float) -> int | None:
+    """Return how few sub-steps leave an integration enough time; None where no allowed number does.
+
+    Parameters
+    ----------
+    duration : float
+        Of one integration [s].
+    time_step : float
+        Δt of the loop [s].
+    longest_step : float
+        Longest N Δt that is allowed [s].
+    """
+    allowed = (n for n in range(1, MOST_SUBSTEPS + 1) if n * time_step <= longest_step)
+    return next((n for n in allowed if duration <= WARNED_PART * longest_integration(n, time_step)), None)
 
 
 def lagrange(nodes: FloatArray, time: float) -> FloatArray:
