@@ -96,6 +96,16 @@ def next_target(
     return np.concatenate(((restoring,), model.displacements, model.velocities))
 
 
+def bytes_of_target(target: FloatArray) -> bytes:
+    """Return a target for another process."""
+    return target.tobytes()
+
+
+def target_of_bytes(data: bytes) -> FloatArray:
+    """Return the target of another process, equal bit for bit."""
+    return np.frombuffer(data, dtype=np.float64)
+
+
 class IntegrationAtOnce:
     """Compute a target when it is started: in simulation and lockstep, where nobody waits.
 
