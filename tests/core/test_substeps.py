@@ -56,12 +56,12 @@ def run(config, motion=None):
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("substeps", [2, 4, 5, MOST_SUBSTEPS])
 def test_predictor_and_corrector_are_exact_for_polynomials_of_their_order_and_no_further(order, substeps):
-    weights, change = substep_weights(substeps, order), hand_over(substeps)
+    weights = substep_weights(substeps, order)
+    assert not weights[: hand_over(substeps), 0].any()
     for power in range(order + 2):
         at = lambda time, power=power: (time + 0.3) ** power  # noqa: E731
         for part in range(substeps):
-            newest = 1.0 if part >= change else 0.0
-            value = weights[part] @ at(newest - np.arange(order + 1.0))
+            value = weights[part] @ at(1.0 - np.arange(order + 2.0))
             if power <= order or part == 0:
                 assert value == pytest.approx(at(part / substeps), rel=1e-9, abs=1e-9)
             else:
@@ -158,7 +158,7 @@ def test_a_given_shear_leads_to_the_response_that_scipy_integrates():
         truth = solve_ivp(motion, (0.0, 0.5), [0.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-12).y
         expected = (pulsating(time) - c * truth[1] - k * truth[0]) / mass
         errors.append(np.abs(desired - expected).max() / np.abs(expected).max())
-    assert errors[1] < 1.2 * errors[0] < 0.02
+    assert errors[1] < 1.3 * errors[0] < 0.02
     assert errors[2] < 0.3 * errors[1]  # of second order
 
 
@@ -266,5 +266,5 @@ def test_an_explicit_integration_has_to_be_stable_with_its_own_step():
 
 
 def test_order():
-    assert ORDER == 2
+    assert ORDER == 3
     assert with_substeps(4).integration_step == pytest.approx(4 * DT)

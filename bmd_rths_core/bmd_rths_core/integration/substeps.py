@@ -1,8 +1,8 @@
 """Sub-steps: signals of an integration that is N times slower than the loop, predicted and then corrected.
 
 While the integration computes its next target, the signals follow a polynomial through the last targets; from the
-hand-over on they follow the one that ends at the new target. Both are exact for polynomials of their order (Nakashima
-and Masaoka 1999; Schellenberg, Mahin and Fenves 2009).
+hand-over on they go over to the one that ends at the new target. Both are exact for polynomials of their order
+(Nakashima and Masaoka 1999; Schellenberg, Mahin and Fenves 2009).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 FloatArray = NDArray[np.float64]
 
 #: Order of both polynomials; docs/decisions/0020 has the measurement.
-ORDER = 2
+ORDER = 3
 
 #: Most sub-steps: with more, the table is led by predictions of the building rather than by the building.
 MOST_SUBSTEPS = 20
@@ -88,7 +88,7 @@ def lagrange(nodes: FloatArray, time: float) -> FloatArray:
 
 
 def substep_weights(substeps: int, order: int = ORDER) -> FloatArray:
-    """Return what every sub-step takes of the last targets, the newest first.
+    """Return what every sub-step takes of the target to come and of the last targets.
 
     Parameters
     ----------
@@ -99,11 +99,18 @@ def substep_weights(substeps: int, order: int = ORDER) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (N, p + 1)
-        Before the hand-over the newest target is that of sub-step 0, from it on that of the next sub-step 0.
+    ndarray, shape (N, p + 2)
+        The target to come, of which nothing is taken before the hand-over, that of sub-step 0, and those before it.
+        From the hand-over on the predicted value gives way to the corrected one, in equal parts up to the target: a
+        compensator that differentiates would make much of a jump.
     """
-    behind, change = -np.arange(order + 1.0), hand_over(substeps)
-    return np.array([lagrange(behind + (part >= change), part / substeps) for part in range(substeps)])
+    nodes, change = 1.0 - np.arange(order + 2.0), hand_over(substeps)
+    weights = np.zeros((substeps, order + 2))
+    for part, row in enumerate(weights):
+        predicted = (substeps - part) / (substeps - change + 1) if part >= change else 1.0
+        row[1:] += predicted * lagrange(nodes[1:], part / substeps)
+        row[:-1] += (1.0 - predicted) * lagrange(nodes[:-1], part / substeps)
+    return weights
 
 
 def extrapolated_load(now: float, before: float) -> float:
@@ -153,8 +160,6 @@ def periodic_state_space(
     systems = []
     for part, weights in enumerate(substep_weights(substeps, order)):
         following = begun if part == 0 else rows[:size]
-        first = states + 1 + (0 if part >= hand_over(substeps) else outputs)
-        taken = following[first : first + outputs * (order + 1)]
-        output = np.kron(weights, np.eye(outputs)) @ taken + direct @ rows[size:]
+        output = np.kron(weights, np.eye(outputs)) @ following[states + 1 : size - 1] + direct @ rows[size:]
         systems.append(DiscreteStateSpace(following[:, :size], following[:, size:], output[:, :size], output[:, size:]))
     return systems

@@ -177,7 +177,7 @@ class SubsteppedStage:
         self._weights = substep_weights(substeps)
         self._interface_mass = interface_mass
         self._correction = correction
-        self._targets = np.zeros((ORDER + 1, len(correction)))
+        self._targets = np.zeros((ORDER + 2, len(correction)))
         self._now = np.zeros(len(correction))
         stories = len(correction) // 2
         self.displacements, self.velocities = self._now[1 : stories + 1], self._now[stories + 1 :]
@@ -195,14 +195,13 @@ class SubsteppedStage:
         part = self._step % self._substeps
         if part == 0:
             more = feedback_force - self._expected
-            self._targets[0] += more * self._correction
+            self._targets[1:] = self._targets[:-1]
+            self._targets[1] += more * self._correction
             self._expected = extrapolated_load(feedback_force, self._force)
             self._force = feedback_force
             self._integration.start(more, self._ground[self._step + self._substeps], self._expected)
         elif part == self._hand_over:
-            target = self._integration.target()
-            self._targets[1:] = self._targets[:-1]
-            self._targets[0] = target
+            self._targets[0] = self._integration.target()
         np.dot(self._weights[part], self._targets, out=self._now)
         self._step += 1
         return NumericalResponse(float(self._now[0]) + feedback_force / self._interface_mass, feedback_force)
