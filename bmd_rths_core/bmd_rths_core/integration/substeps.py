@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 #: Order of both polynomials; docs/decisions/0020 has the measurement.
 ORDER = 3
 
-#: Most sub-steps: with more, the table is led by predictions of the building rather than by the building.
+#: Most sub-steps: at 1,024 Hz and with N Δt ω of 0.5, which docs/decisions/0020 advises, enough for modes below 4 Hz.
 MOST_SUBSTEPS = 20
 
 #: Shares of a step that hydraulic laboratories let its computation take: more than the first warns, the second refuses.
