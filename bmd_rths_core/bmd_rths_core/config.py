@@ -19,7 +19,7 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.parameters import build_section, suggestion
 from bmd_rths_core.renamed_parameters import refuse_renamed
-from bmd_rths_core.run_config import RealTimeConfig, RecorderConfig, RunConfig
+from bmd_rths_core.run_config import LONGEST_STEP, RealTimeConfig, RecorderConfig, RunConfig
 from bmd_rths_core.safety import SafetyConfig
 from bmd_rths_core.stages.force_correction import ForceCorrectionConfig
 from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
@@ -100,10 +100,29 @@ class Config:
                 f"nonlinear.damping: {self.nonlinear.damping}, beside numerical_substructure.damping "
                 f"{self.numerical_substructure.damping}; one of the two has to be coefficients"
             )
+        self._refuse_substeps()
         if self.nonlinear.integration != "exact":
-            NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.run.time_step)
+            NonlinearSubstructure(self.numerical_substructure, self.nonlinear, self.integration_step)
         else:
             self.elastic_substructure()
+
+    def _refuse_substeps(self) -> None:
+        substeps, name = self.numerical_substructure.substeps, "numerical_substructure.substeps"
+        if substeps > 1 and self.compensator.control is not None:
+            raise InputError(
+                f"{name}: {substeps}, but run.scheme {self.run.scheme} integrates the numerical substructure itself, "
+                "once a step; 1 is required"
+            )
+        if self.integration_step > LONGEST_STEP:
+            raise InputError(
+                f"{name}: {substeps} steps of {self.run.time_step:g} s; an integration step of at most "
+                f"{LONGEST_STEP:g} s is required"
+            )
+
+    @property
+    def integration_step(self) -> float:
+        """Time step of the numerical substructure [s]: Δt, or as many times that as it has sub-steps."""
+        return self.run.time_step * self.numerical_substructure.substeps
 
     def elastic_substructure(self) -> LinearBuilding:
         """Return the numerical substructure for small motion about rest, with all that `nonlinear` adds to it.

@@ -48,6 +48,8 @@ class TimingStatistics:
         the corrected shear of the same step [ms].
     closure_counts : tuple of int
         How many of these times fell into each of so many equal parts of the time step; empty where it is not known.
+    slow_integrations : int
+        Integrations of a numerical substructure with sub-steps that took more than 60 % of theirs.
     """
 
     missed_deadlines: int
@@ -56,6 +58,7 @@ class TimingStatistics:
     late_ticks: int
     closure_ms: Mapping[str, float]
     closure_counts: tuple[int, ...] = ()
+    slow_integrations: int = 0
 
 
 @dataclass(frozen=True)

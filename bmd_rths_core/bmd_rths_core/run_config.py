@@ -10,6 +10,9 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import check_parameters, parameter
 from bmd_rths_core.time_steps import StepStamps
 
+#: Longest time step of the loop, and of an integration [s].
+LONGEST_STEP = 0.1
+
 #: A time step of so many seconds looks like a rate in Hz.
 _LEAST_RATE = 10.0
 
@@ -26,7 +29,7 @@ class RunConfig:
         unit="s",
         source="Chen et al. 2020: 200 Hz",
         lower=1e-4,
-        upper=0.1,
+        upper=LONGEST_STEP,
     )
     scheme: str = parameter(
         "plc_fc",

@@ -128,6 +128,7 @@ def read_timing(story: Mapping[str, str]) -> TimingStatistics | None:
             late_ticks=int(content["late_ticks"]),
             closure_ms={str(name): float(value) for name, value in content["closure_ms"].items()},
             closure_counts=tuple(int(count) for count in content.get("closure_counts", ())),
+            slow_integrations=int(content.get("slow_integrations", 0)),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"timing: {error!r}") from error

@@ -305,6 +305,19 @@ class ExplicitIntegrator:
         np.dot(self._correction, self._acceleration, out=self._change)
         np.add(self.velocity, self._change, out=self.velocity)
 
+    def correct(self, load: FloatArray) -> None:
+        """Add to the load of the last step, which moves no floor yet.
+
+        Parameters
+        ----------
+        load : ndarray, shape (n,)
+            What was not known of it [N]. Not before the first step.
+        """
+        np.add(self._unbalance, load, out=self._unbalance)
+        change = self._accelerate[:, : len(load)] @ load
+        self._acceleration += change
+        self.velocity += self._correction @ change
+
 
 def _alpha(system: SystemMatrices, time_step: float, gamma: float, beta: float) -> FloatArray:
     damping: FloatArray = gamma * time_step * system.damping

@@ -12,6 +12,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.control_stage import ControlStage
 from bmd_rths_core.loop.numerical_stage import NumericalStage
+from bmd_rths_core.loop.substepped_stage import Integration, IntegrationAtOnce, SubsteppedStage
 from bmd_rths_core.parameters import section_name
 from bmd_rths_core.safety import SafetySupervisor, StabilityIndicator, StabilityIndicatorArray
 from bmd_rths_core.stages.force_correction import ForceCorrection
@@ -46,11 +47,34 @@ def make_numerical_substructure(config: Config) -> NumericalSubstructure | Nonli
     Parameters
     ----------
     config : Config
-        The whole configuration.
+        The whole configuration; the time step is that of the integration, N Δt with N sub-steps.
     """
     if config.nonlinear.integration != "exact":
-        return NonlinearSubstructure(config.numerical_substructure, config.nonlinear, config.run.time_step)
-    return NumericalSubstructure(config.elastic_substructure(), config.run.time_step)
+        return NonlinearSubstructure(config.numerical_substructure, config.nonlinear, config.integration_step)
+    return NumericalSubstructure(config.elastic_substructure(), config.integration_step)
+
+
+def make_integrated_stage(
+    config: Config, ground: FloatArray, integration: Integration | None = None
+) -> NumericalSubstructure | NonlinearSubstructure | SubsteppedStage:
+    """Return the numerical substructure as the loop steps it, with sub-steps where it has some.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    ground : ndarray, shape (N,)
+        Ground acceleration of the whole test, which sub-steps take in advance [m/s²].
+    integration : Integration, optional
+        Computes beside the loop; by default every target is computed at once.
+    """
+    substeps = config.numerical_substructure.substeps
+    if substeps == 1:
+        return make_numerical_substructure(config)
+    model, mass = make_numerical_substructure(config), config.elastic_substructure().interface_mass
+    if integration is None:
+        integration = IntegrationAtOnce(model, mass)
+    return SubsteppedStage(integration, ground, substeps, model.correction(), mass)
 
 
 #: Sections that `make_known` reads.
@@ -132,7 +156,7 @@ def make_interface_control(config: Config) -> InterfaceControl | None:
     return None if make is None else make(make_known(config))
 
 
-def make_numerical_stage(config: Config, ground: FloatArray) -> NumericalStage:
+def make_numerical_stage(config: Config, ground: FloatArray, integration: Integration | None = None) -> NumericalStage:
     """Return what the conductor drives: the numerical substructure, or the interface control in its place.
 
     Parameters
@@ -140,7 +164,9 @@ def make_numerical_stage(config: Config, ground: FloatArray) -> NumericalStage:
     config : Config
         The whole configuration.
     ground : ndarray, shape (N,)
-        Ground acceleration of the whole test, for a control that knows it in advance [m/s²].
+        Ground acceleration of the whole test, for what has to know it in advance [m/s²].
+    integration : Integration, optional
+        As for `make_integrated_stage`.
 
     Raises
     ------
@@ -148,7 +174,7 @@ def make_numerical_stage(config: Config, ground: FloatArray) -> NumericalStage:
         The compensator refuses what is known.
     """
     control = make_interface_control(config)
-    return make_numerical_substructure(config) if control is None else ControlStage(control, ground)
+    return make_integrated_stage(config, ground, integration) if control is None else ControlStage(control, ground)
 
 
 def make_supervisor(config: Config) -> SafetySupervisor:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
+from bmd_rths_core.integration.substeps import periodic_state_space
 from bmd_rths_core.loop.build import (
     make_calibration,
     make_command_shaper,
@@ -23,6 +24,7 @@ from bmd_rths_core.loop.build import (
 )
 from bmd_rths_core.loop.controlled_loop import controlled_loop
 from bmd_rths_core.loop.linear_loop import ClosedLoop, output_names, sensor_noise
+from bmd_rths_core.stages.nonlinear_substructure import NonlinearSubstructure
 from bmd_rths_core.stages.numerical_substructure import NumericalSubstructure
 from bmd_rths_core.stages.shear_estimator import estimator_state_space
 from bmd_rths_core.table.models.simulated import SimulatedTable
@@ -31,13 +33,18 @@ FloatArray = NDArray[np.float64]
 
 
 def has_matrices(config: Config) -> bool:
-    """Tell whether the compensator of a configuration is linear, so that its loop can be assembled.
+    """Tell whether the loop of a configuration can be assembled, as one linear system from step to step.
+
+    Its compensator has to be linear, and its numerical substructure without sub-steps, with which no step is like the
+    next.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
     """
+    if config.numerical_substructure.substeps > 1:
+        return False
     if not make_calibration(config).is_identity:  # the matrices know no sensor that is told otherwise
         return False
     part = make_interface_control(config) or make_command_shaper(config)
@@ -58,7 +65,7 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     Returns
     -------
     ClosedLoop
-        Of a shaper: the first state is the shear fed back.
+        Of a shaper: the first state is the shear fed back. With sub-steps it goes from target to target.
 
     Notes
     -----
@@ -73,14 +80,71 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     """
     if config.compensator.control is not None:
         return controlled_loop(config)
+    if config.numerical_substructure.substeps > 1:
+        return _from_target_to_target(config, displacement)
+    numerical = make_numerical_substructure(config)
+    return _from_step_to_step(config, displacement, numerical.state_space(), _start(numerical), _linear(config))
+
+
+def steps_of_a_period(config: Config, displacement: bool = False) -> list[ClosedLoop]:
+    """Assemble the N different steps of a loop with sub-steps, in their order.
+
+    Parameters
+    ----------
+    config, displacement
+        As for `closed_loop`, with a compensator that shapes commands.
+
+    Returns
+    -------
+    list of ClosedLoop
+        All with the same state. The ground acceleration is that of the next target, and counts in the first step only.
+    """
+    numerical, substeps = make_numerical_substructure(config), config.numerical_substructure.substeps
+    integration, mass = numerical.state_space(), config.elastic_substructure().interface_mass
+    # Of the targets the force that acts at once is taken away, and added in every step.
+    direct = np.zeros((len(integration.c), 2))
+    direct[:2, 1] = 1.0 / mass, 1.0
+    targets = integration._replace(d=integration.d - direct)
+    stages = periodic_state_space(targets, direct, substeps)
+    start = np.zeros((len(stages[0].a), 1))
+    states = len(integration.a)
+    start[:states] = _start(numerical)
+    start[states] = 1.0  # the ground acceleration at step 0
+    shaper = _linear(config)
+    return [_from_step_to_step(config, displacement, stage, start, shaper) for stage in stages]
+
+
+def _from_target_to_target(config: Config, displacement: bool) -> ClosedLoop:
+    """Return all steps of a period in one."""
+    first, *others = steps_of_a_period(config, displacement)
+    a, b, substeps = first.system.a, first.system.b, 1 + len(others)
+    for other in others:
+        a, b = other.system.a @ a, other.system.a @ b
+    start = np.hstack((first.start, np.zeros((len(a), substeps - 1))))
+    return ClosedLoop(first.system._replace(a=a, b=b), start, first.outputs, preview=substeps, substeps=substeps)
+
+
+def _start(numerical: NumericalSubstructure | NonlinearSubstructure) -> FloatArray:
+    """Return the state of the numerical substructure before step 0, per ground acceleration there."""
+    if isinstance(numerical, NumericalSubstructure):
+        return numerical.start[:, None]
+    return np.zeros((len(numerical.state_space().a), 1))
+
+
+def _from_step_to_step(
+    config: Config,
+    displacement: bool,
+    integration: DiscreteStateSpace,
+    begin: FloatArray,
+    shaper: DiscreteStateSpace,
+) -> ClosedLoop:
     specimen, step = config.specimen.building(), config.run.time_step
     table = SimulatedTable(config.simulated_table, specimen, step, config.run.seed)
-    numerical, shaper = make_numerical_substructure(config), _linear(config)
     # What a shaper takes of the sensors at the end of the step before is a state of the loop, one each.
     taken = np.flatnonzero(shaper.b[:, 1:].any(axis=0) | shaper.d[:, 1:].any(axis=0))
     moving = displacement or (len(taken) > 0 and int(taken[-1]) >= specimen.stories + 2)
     stages = {
-        "numerical": numerical.state_space(),
+        "numerical": integration,
         "shaper": shaper._replace(b=shaper.b[:, (0, *(1 + taken))], d=shaper.d[:, (0, *(1 + taken))]),
         "table": table.state_space(moving),
         "estimator": estimator_state_space(config.shear_estimator, specimen, step),
@@ -93,10 +157,10 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     size = 1 + sum(len(stage.a) for stage in stages.values()) + len(taken)
     rows = np.eye(size + 1 + noisy)
     feedback, ground = rows[:1], rows[size : size + 1]
-    own, begin = {}, 1
+    own, first = {}, 1
     for name, stage in stages.items():
-        own[name] = rows[begin : begin + len(stage.a)]
-        begin += len(stage.a)
+        own[name] = rows[first : first + len(stage.a)]
+        first += len(stage.a)
     following: dict[str, FloatArray] = {}
 
     def run(name: str, *inputs: FloatArray) -> FloatArray:
@@ -114,8 +178,7 @@ def closed_loop(config: Config, displacement: bool = False) -> ClosedLoop:
     transition = np.vstack((corrected, *(following[name] for name in stages), sensors[taken]))
     output = np.vstack((response[:2], command, sensors, shear, corrected, corrected, response[2:]))
     start = np.zeros((size, 1))
-    if isinstance(numerical, NumericalSubstructure):
-        start[1 : 1 + len(stages["numerical"].a), 0] = numerical.start
+    start[1 : 1 + len(begin)] = begin
     return ClosedLoop(
         system=DiscreteStateSpace(transition[:, :size], transition[:, size:], output[:, :size], output[:, size:]),
         start=start,

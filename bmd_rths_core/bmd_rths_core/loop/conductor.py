@@ -13,6 +13,7 @@ from bmd_rths_core.loop.deadlines import DeadlineMonitor
 from bmd_rths_core.loop.numerical_stage import NumericalStage
 from bmd_rths_core.loop.peers import PEER_LOST_AFTER, Peer, Peers
 from bmd_rths_core.loop.states import NodeState, Outcome
+from bmd_rths_core.loop.substepped_stage import IntegrationLate
 from bmd_rths_core.safety import Action, StabilityIndicator, Trip
 from bmd_rths_core.table.controller import TableMeasurement
 
@@ -328,7 +329,11 @@ class Conductor:
             self.end(Outcome.FINISHED, "end of the ground motion", now)
             return
         ground_acceleration = self._ground[step]
-        response = self._numerical.step(ground_acceleration, self._feedback)
+        try:
+            response = self._numerical.step(ground_acceleration, self._feedback)
+        except IntegrationLate as late:
+            self.end(Outcome.FAILED, str(late), now)
+            return
         if self._indicator is not None:
             acting = self._feedback if self._numerical.takes_feedback else response.required_force
             trip = self._indicator.step(step, acting, self._numerical.displacements)

@@ -33,6 +33,9 @@ class ClosedLoop:
         Steps that the ground acceleration is known in advance.
     integrators : tuple of int
         States that integrate the ground motion alone: nothing of the loop enters them, and they are not stable.
+    substeps : int
+        Steps of the loop that one k stands for. Above 1 the system is that from one target of the numerical
+        substructure to the next; its outputs and its noise are those of the step at which a target is due.
     """
 
     system: DiscreteStateSpace
@@ -40,6 +43,7 @@ class ClosedLoop:
     outputs: tuple[str, ...]
     preview: int = 0
     integrators: tuple[int, ...] = ()
+    substeps: int = 1
 
     @property
     def transition(self) -> FloatArray:
@@ -48,8 +52,8 @@ class ClosedLoop:
 
     @property
     def spectral_radius(self) -> float:
-        """Largest modulus of the eigenvalues; the loop is stable below 1."""
-        return float(np.abs(np.linalg.eigvals(self.transition)).max())
+        """Largest modulus of the eigenvalues, for one step of the loop; the loop is stable below 1."""
+        return float(np.abs(np.linalg.eigvals(self.transition)).max() ** (1.0 / self.substeps))
 
 
 def output_names(config: Config, displacement: bool) -> tuple[str, ...]:

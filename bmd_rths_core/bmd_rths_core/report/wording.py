@@ -146,6 +146,10 @@ def problems(analysis: RunAnalysis, deviation_percent: float) -> list[str]:
         )
     if timing is not None and timing.late_ticks:
         found.append(f"{timing.late_ticks} steps began more than Δt/2 late, and the schedule was moved.")
+    if timing is not None and timing.slow_integrations:
+        found.append(
+            f"{timing.slow_integrations} integrations of the numerical substructure took more than 60 % of their steps."
+        )
     if analysis.config.run.preflight == "override":
         found.append("The pre-flight was overridden: the test was run against its prediction.")
     if deviation_percent > LARGEST_DEVIATION:

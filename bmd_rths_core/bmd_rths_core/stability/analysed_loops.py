@@ -13,7 +13,13 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.linear_loop import ClosedLoop
-from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, loop_of, margin_curve
+from bmd_rths_core.stability.continuous import (
+    LoopTransferFunction,
+    MarginCurve,
+    loop_of,
+    margin_curve,
+    refuse_substeps,
+)
 from bmd_rths_core.stability.loop_elements import LoopElement, MeasuredResponse
 from bmd_rths_core.stability.models import (
     IdentifiedMode,
@@ -54,14 +60,14 @@ class AnalysisOptions:
 
 
 def has_continuous_loops(config: Config) -> bool:
-    """Tell whether the compensator is one of the paper's, whose transfer functions are known.
+    """Tell whether the compensator is one of the paper's, whose transfer functions are known, and nothing sub-stepped.
 
     Parameters
     ----------
     config : Config
         The whole configuration.
     """
-    return config.run.scheme in SCHEME_NAMES
+    return config.run.scheme in SCHEME_NAMES and config.numerical_substructure.substeps == 1
 
 
 def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction:
@@ -83,6 +89,7 @@ def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction
     InputError
         The modes do not fit the configuration, or a substructure has no damping.
     """
+    refuse_substeps(config)
     frequency, damping_ratio = _first_mode(config)
     (table, delay), step = _table(config, options), config.run.time_step
     return LoopTransferFunction(
@@ -120,7 +127,7 @@ class AnalysedLoops(NamedTuple):
     Parameters
     ----------
     paper, complete : LoopTransferFunction or None
-        `paper_loop` and `complete_loop`; None where the compensator is none of the paper's.
+        `paper_loop` and `complete_loop`; None where `has_continuous_loops` says no.
     discrete : ClosedLoop or None
         `closed_loop`; None where the measured table has no fit.
     """

@@ -6,7 +6,8 @@
   and the one step between shear and feedback that the loop really has;
 - *discrete*: the loop as it is run, all its stages, from one step to the next.
 
-The first two exist for the compensators of the paper, and are not applicable to others.
+The first two exist for the compensators of the paper, and are not applicable to others, nor to a numerical substructure
+with sub-steps, which they know nothing of.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from bmd_rths_core.stability.analysed_loops import AnalysedLoops, AnalysisOption
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, StabilityMargin
 from bmd_rths_core.stability.controlled import controlled_margin
 from bmd_rths_core.stability.discrete import configured_mass_ratio, discrete_margin, with_feedback_scale
+from bmd_rths_core.stability.substepped import substepped_margin
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ class Assessment:
     whole_mass_ratio : float
         ρ with the whole shear fed back.
     continuous, continuous_complete : Analysis or None
-        See the module; None where they are not applicable, because the compensator is none of the paper's.
+        See the module; None where they are not applicable, because the compensator is none of the paper's or the
+        numerical substructure has sub-steps.
     discrete : DiscreteAnalysis or None
         None when it could not be made.
     discrete_reason : str
@@ -225,6 +228,8 @@ def _discrete(
     radius = loop.spectral_radius
     if config.compensator.control is not None:
         margin = controlled_margin(config, ratio, largest)
+    elif loop.substeps > 1:
+        margin = substepped_margin(config, largest)
     else:
         margin = discrete_margin(config, largest, loop)
     return DiscreteAnalysis(margin, radius < 1.0, radius), ""

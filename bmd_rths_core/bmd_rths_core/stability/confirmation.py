@@ -79,7 +79,8 @@ def free_growth(loop: ClosedLoop) -> float:
     Returns
     -------
     float
-        Mean factor by which the envelope is multiplied in a step, over the second half of a million steps.
+        Mean factor by which the envelope is multiplied in a step of the loop, over the second half of a million of its
+        transitions.
 
     Notes
     -----
@@ -99,4 +100,4 @@ def free_growth(loop: ClosedLoop) -> float:
         state = state / envelope
         if k >= _WINDOWS // 2:
             growth += float(np.log(envelope))
-    return float(np.exp(growth / (_WINDOW * (_WINDOWS - _WINDOWS // 2))))
+    return float(np.exp(growth / (loop.substeps * _WINDOW * (_WINDOWS - _WINDOWS // 2))))

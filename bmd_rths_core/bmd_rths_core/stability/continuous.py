@@ -281,6 +281,27 @@ def margin_curve(
     return MarginCurve(omega, ratios, np.array([margin.critical_frequency for margin in margins]))
 
 
+def refuse_substeps(config: Config) -> None:
+    """Refuse a loop with sub-steps, which no analysis in continuous time knows of.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        It has sub-steps.
+    """
+    substeps = config.numerical_substructure.substeps
+    if substeps > 1:
+        raise InputError(
+            f"numerical_substructure.substeps: {substeps}, which the analyses in continuous time know nothing of; "
+            "1 is required"
+        )
+
+
 def loop_of(config: Config) -> LoopTransferFunction:
     """Return the loop transfer function of a configuration, with its simulated table and one step of feedback delay.
 
@@ -295,6 +316,7 @@ def loop_of(config: Config) -> LoopTransferFunction:
         Eq. 7 of this loop. It knows no hold, no estimator and no force correction; `discrete` does. A numerical
         substructure that may yield is taken for small motion about rest.
     """
+    refuse_substeps(config)
     step, chain = config.run.time_step, config.numerical_substructure.building()
     return LoopTransferFunction(
         elastic_numerical_building(config.elastic_substructure(), first_effective_mass(chain)),

@@ -133,7 +133,12 @@ def discrete_margin(
     critical s is a crossing of the positive real axis by this transfer function, all of which `crossings` finds. Which
     of the intervals between them are stable is told by the eigenvalues in their middle.
     """
-    open_loop, feedback = _opened(config, closed_loop(config) if loop is None else loop)
+    if config.numerical_substructure.substeps > 1:
+        raise InputError(
+            f"numerical_substructure.substeps: {config.numerical_substructure.substeps}, with which the shear enters "
+            "more than one row of the loop; substepped_margin is required"
+        )
+    open_loop, feedback = opened(config, closed_loop(config) if loop is None else loop)
     whole = configured_mass_ratio(with_feedback_scale(config, 1.0))
     highest = largest / (1.0 - largest) * (1.0 - whole) / whole
     shares, angles = _critical_shares(open_loop, feedback, highest)
@@ -164,8 +169,16 @@ def _stable_intervals(
     return tuple(intervals)
 
 
-def _opened(config: Config, loop: ClosedLoop) -> tuple[FloatArray, FloatArray]:
-    """Return A₀, the loop with no shear fed back, and cᵀ, what of its state the whole shear is."""
+def opened(config: Config, loop: ClosedLoop) -> tuple[FloatArray, FloatArray]:
+    """Return A₀, the loop with no shear fed back, and cᵀ, what of its state the whole shear is.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    loop : ClosedLoop
+        Its loop.
+    """
     system, outputs = loop.system, loop.outputs
     shear = make_force_correction(config).state_space().d[0, 1] * system.c[outputs.index("interface_force")]
     open_loop = system.a.copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
@@ -104,6 +105,19 @@ class NonlinearSubstructure:
         restoring = float(self._interface_damping.dot(integrator.velocity)) + float(integrator.restoring[-1])
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+    def correct(self, force: float) -> None:
+        """Add to the shear of the last step what was not known then [N]; the motion is that of the whole shear."""
+        self._load[:] = 0.0
+        self._load[-1] = force
+        self._integrator.correct(self._load)
+
+    def correction(self) -> NDArray[np.float64]:
+        """Return what `correct` adds per newton: to −restoring force / mass [m/s²], displacements and velocities."""
+        n = len(self._masses)
+        velocity = load_matrix(self._parameters)[n : 2 * n, -1]
+        damping = -float(self._interface_damping.dot(velocity)) / self._interface_mass
+        return np.concatenate(((damping,), np.zeros(n), velocity))
 
     def learn(self, measurement: TableMeasurement) -> None:
         """Do nothing: this stage uses only the shear that is fed back."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
+from bmd_rths_core.integration.substeps import MOST_SUBSTEPS
 from bmd_rths_core.parameters import parameter
 from bmd_rths_core.physical_bounds import DAMPING, MASS, STIFFNESS
 from bmd_rths_core.structure.config import BuildingConfig
@@ -42,6 +43,15 @@ class NumericalSubstructureConfig(BuildingConfig):
         unit="N s/m",
         source="Chen et al. 2020, simplified BMD: 2 z_N w_N m_N with z_N = 1.67 %",
         **DAMPING,
+    )
+    substeps: int = parameter(
+        1,
+        description="Steps of the loop that one integration of the substructure may take; above 1 the commands between "
+        "are predicted and then corrected, and the integration has run.time_step times as many seconds",
+        unit="1",
+        source="Nakashima and Masaoka 1999; Schellenberg et al. 2009; docs/decisions/0020",
+        lower=1,
+        upper=MOST_SUBSTEPS,
     )
 
 
@@ -138,6 +148,19 @@ class NumericalSubstructure:
         restoring = float(self._restoring.dot(state))
         acceleration = (feedback_force - restoring) / self._interface_mass
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
+
+    def correct(self, force: float) -> None:
+        """Add to the shear of the last step what was not known then [N]; the motion is that of the whole shear."""
+        stacked, state = self._stacked, self._state
+        n = len(state)
+        state += force * self._transition[:, n + 3]
+        stacked[:n] = state
+        stacked[n + 1] += force
+
+    def correction(self) -> NDArray[np.float64]:
+        """Return what `correct` adds per newton: to −restoring force / mass [m/s²], displacements and velocities."""
+        motion = self._transition[:, len(self._state) + 3]
+        return np.concatenate(((-float(self._restoring.dot(motion)) / self._interface_mass,), motion))
 
     def learn(self, measurement: TableMeasurement) -> None:
         """Do without: the shear that is fed back is all it takes."""

@@ -37,6 +37,7 @@ def doctor(choice: ConfigChoice, quick: bool, duration: float, output: Path, as_
     """
     from bmd_rths_nodes.doctor import measured
     from bmd_rths_nodes.doctor.finding import PROBLEM, change_first, worst
+    from bmd_rths_nodes.doctor.integration import integration_finding
     from bmd_rths_nodes.doctor.machine import Machine
 
     config = choice.resolve()
@@ -48,6 +49,8 @@ def doctor(choice: ConfigChoice, quick: bool, duration: float, output: Path, as_
             progress.update(task, description="measuring the timer")
             jitter = measured.timer(config.run.time_step)
             findings.append(measured.jitter_finding(jitter, config.run.time_step))
+            if config.compensator.control is None:
+                findings.append(integration_finding(config))
             if importlib.util.find_spec("rclpy") is not None:
                 findings.append(measured.others_finding(_other_nodes()))
                 progress.update(task, description=f"running a test of {duration:g} s")

@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from bmd_rths_core.ground_motion.as_run import MotionAsRun
     from bmd_rths_core.ground_motion.motion import GroundMotion
 
-#: Shares of a time step that the computation of one may take, as hydraulic laboratories have them: above the first a
-#: person is warned, above the second the test is refused. The rest is for middleware, network and table.
-WARNED_SHARE, LARGEST_SHARE = 0.6, 0.8
-
 
 def checked(config: Config, motion: GroundMotion) -> Preflight | None:
     """Predict a test, with a progress bar.
@@ -57,26 +53,57 @@ def checked(config: Config, motion: GroundMotion) -> Preflight | None:
     with progress_bar() as progress:
         task = progress.add_task("pre-flight", total=motion.steps)
         preflight = predict_test(config, motion, on_progress)
-    share = 0.0 if config.run.lockstep else _share_of_a_step(marks, config.run.time_step)
-    if share > WARNED_SHARE:
-        told = f"computing a step takes {100.0 * share:.0f} % of run.time_step, {config.run.time_step:g} s"
-        if share > LARGEST_SHARE:
-            problem = f"{told}; at most {100.0 * LARGEST_SHARE:g} % is allowed"
-            preflight = dataclasses.replace(preflight, problems=(*preflight.problems, problem))
-        else:
-            log(f"warning: {told}; fewer stories, a compensator with fewer states or a longer step leave more time")
+    for problem in [] if config.run.lockstep else _too_slow(config, _cost_of_a_step(marks)):
+        preflight = dataclasses.replace(preflight, problems=(*preflight.problems, problem))
     if config.run.preflight == "enforce" and not preflight.cleared:
         problems = "; ".join(preflight.problems)
         raise InputError(f"pre-flight: {problems}; --override-preflight runs it all the same")
     return preflight
 
 
-def _share_of_a_step(marks: Sequence[tuple[int, float]], time_step: float) -> float:
-    """Return the processor time of a step of loop and simulated table, in steps; 0 where it is not known."""
+def _too_slow(config: Config, cost: float) -> list[str]:
+    """Return why a step, or an integration beside it, is computed too slowly; warn of what is nearly so.
+
+    A share of each step has to be left for middleware, network and table.
+    """
+    from bmd_rths_core.integration.substeps import LARGEST_SHARE, WARNED_SHARE, substeps_for
+    from bmd_rths_core.run_config import LONGEST_STEP
+    from bmd_rths_nodes.doctor.finding import GOOD, PROBLEM
+    from bmd_rths_nodes.doctor.integration import integration_time, judged
+
+    substeps, time_step = config.numerical_substructure.substeps, config.run.time_step
+    integration = integration_time(config) if config.compensator.control is None else 0.0
+    problems = []
+    if substeps > 1:
+        cost = max(0.0, cost - integration / substeps)  # it is computed beside the loop
+        level, found, advice = judged(config, integration)
+        if level == PROBLEM:
+            problems.append(f"numerical_substructure.substeps: {found}; {advice}")
+        elif level != GOOD:
+            log(f"warning: numerical_substructure.substeps: {found}; {advice}")
+    share = cost / time_step
+    if share > WARNED_SHARE:
+        told = f"computing a step takes {100.0 * share:.0f} % of run.time_step, {time_step:g} s"
+        others = cost if substeps > 1 else cost - integration
+        enough = substeps_for(integration, time_step, LONGEST_STEP) if others <= WARNED_SHARE * time_step else None
+        if substeps == 1 and integration > 0.0 and enough is not None:
+            told += f", without its integration {100.0 * others / time_step:.0f} %"
+            advice = f"numerical_substructure.substeps={max(2, enough)} would do"
+        else:
+            advice = "fewer stories, a compensator with fewer states or a longer step leave more time"
+        if share > LARGEST_SHARE:
+            problems.append(f"{told}; at most {100.0 * LARGEST_SHARE:g} % is allowed; {advice}")
+        else:
+            log(f"warning: {told}; {advice}")
+    return problems
+
+
+def _cost_of_a_step(marks: Sequence[tuple[int, float]]) -> float:
+    """Return the processor time of a step of loop and simulated table [s]; 0 where it is not known."""
     costs = [
         (after - before) / (done - earlier) for (earlier, before), (done, after) in pairwise(marks) if done > earlier
     ]
-    return statistics.median(costs) / time_step if costs else 0.0
+    return statistics.median(costs) if costs else 0.0
 
 
 def in_words(config: Config, preflight: Preflight) -> str:

@@ -70,6 +70,7 @@ def result_of(analysis: RunAnalysis) -> dict[str, Any]:
         result["missed_deadlines"] = record.timing.missed_deadlines
         result["max_consecutive_misses"] = record.timing.max_consecutive_misses
         result["late_ticks"] = record.timing.late_ticks
+        result["slow_integrations"] = record.timing.slow_integrations
         result["late_share"] = record.late_share
         result["kept_time"] = record.kept_time
         result["closure_ms"] = dict(record.timing.closure_ms)
@@ -121,6 +122,8 @@ def show(result: dict[str, Any], as_json: bool) -> None:
         table.add_row("missed deadlines", str(result["missed_deadlines"]))
         table.add_row("steps that began late", str(result["late_ticks"]))
         table.add_row("closure of a step", closure)
+        if result["slow_integrations"]:
+            table.add_row("integrations that took too long", str(result["slow_integrations"]))
     if "namespace" in result:
         table.add_row("namespace", result["namespace"])
     table.add_row("verdict", Text(result["verdict"], style=_COLOURS[result["verdict"]]))

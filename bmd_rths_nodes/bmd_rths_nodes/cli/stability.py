@@ -87,6 +87,7 @@ def stability(
     from bmd_rths_core.stability.analysed_loops import AnalysisOptions, has_continuous_loops, sweep
     from bmd_rths_core.stability.assessment import assess
     from bmd_rths_core.stability.confirmation import confirm
+    from bmd_rths_core.stability.continuous import refuse_substeps
 
     resolved, measured = _with_table(choice.resolve(), table)
     not_fitted = ""
@@ -97,6 +98,7 @@ def stability(
     assessment = assess(resolved, options)
     confirmation = None if assessment.discrete is None else confirm(resolved, assessment.discrete.margin)
     if with_sweep and not has_continuous_loops(resolved):
+        refuse_substeps(resolved)
         raise InputError(f"--sweep: only for the schemes of the paper; {resolved.run.scheme} has no transfer function")
     curve = sweep(resolved, options) if with_sweep else None
     entries = _sensitivity(resolved, options) if with_sensitivity else []
@@ -119,6 +121,8 @@ def stability(
         click.echo(
             f"The stories are {resolved.nonlinear.story_model}: this is their elastic range, small motion about rest."
         )
+    if (substeps := resolved.numerical_substructure.substeps) > 1:
+        click.echo(f"The numerical substructure takes {substeps} steps for one of its own, which discrete alone knows.")
     _show_analyses(console, assessment, confirmation)
     if measured is not None:
         click.echo(

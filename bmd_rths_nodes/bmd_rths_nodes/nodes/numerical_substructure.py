@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bmd_rths_core.config import Config
+from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.build import make_numerical_stage, make_stability_indicator, sections_of_compensator
 from bmd_rths_core.loop.conductor import Begun, Conductor
@@ -30,6 +31,7 @@ from bmd_rths_msgs_py.topics import (
     ROLES,
     TABLE_DRIVER,
 )
+from bmd_rths_nodes.hardware.integration_process import IntegrationProcess
 from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.agreement import with_motion
 from bmd_rths_nodes.ros.intra_process import IntraProcess
@@ -57,15 +59,19 @@ class NumericalSubstructureNode(StageNode):
     def __init__(self, intra_process: IntraProcess) -> None:
         self._told: dict[str, NodeStatus] = {}
         self._table_moves = False
+        self._integration: IntegrationProcess | None = None
         super().__init__(intra_process)
 
     def configure_stage(self, config: Config) -> None:
         """Make stage and topics and read the ground motion."""
+        self._end_integration()
         self._motion = motion = select_ground_motion(config.ground_motion, config.run.time_step)
         self._stability_indicator = make_stability_indicator(config)
+        if config.numerical_substructure.substeps > 1 and not config.run.lockstep:
+            self._integration = IntegrationProcess(config)
         self._conductor = Conductor(
             motion.acceleration.tolist(),
-            make_numerical_stage(config, motion.acceleration),
+            make_numerical_stage(config, motion.acceleration, self._integration),
             self._stability_indicator,
             config.run.time_step,
             config.run.lockstep,
@@ -81,12 +87,27 @@ class NumericalSubstructureNode(StageNode):
         if self._makes_command:
             self.subscribe_to(MEASUREMENT, self._on_measurement, begins_test=False)
         self.subscribe_to(CORRECTED_FORCE, self._on_corrected_force)
-        self._misses_told = 0
+        self._misses_told = self._slow_told = 0
+
+    def give_up_topics(self) -> None:
+        """Give up the process that integrates, too."""
+        super().give_up_topics()
+        self._end_integration()
+
+    def destroy_node(self) -> None:
+        """Give up the process that integrates, too."""
+        self._end_integration()
+        super().destroy_node()
+
+    def _end_integration(self) -> None:
+        if self._integration is not None:
+            self._integration.close()
+            self._integration = None
 
     def reset_stage(self) -> None:
         """Return to rest before step 0."""
         self._conductor.reset()
-        self._misses_told = 0
+        self._misses_told = self._slow_told = 0
 
     def shared_parameters(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the parameters and, because the name of a file says little, what the ground motion is."""
@@ -132,6 +153,9 @@ class NumericalSubstructureNode(StageNode):
             "outcome": str(conductor.outcome or ""),
             "waiting_for": ", ".join(conductor.waiting_for),
         }
+        if self._integration is not None:
+            values["slow_integrations"] = str(self._integration.slow)
+            values["longest_integration_ms"] = f"{1e3 * self._integration.longest:.3g}"
         if conductor.trips:
             values["trip"] = str(conductor.trips[-1])
         values |= self.urgent_values()
@@ -169,7 +193,10 @@ class NumericalSubstructureNode(StageNode):
         """Offer a new test to the nodes, which begins when all of them are ready for it."""
         if problem := self._why_no_next_test():
             raise Refused(problem)
-        self.reset_stage()
+        try:
+            self.reset_stage()
+        except InputError as error:
+            raise Refused(str(error)) from error
         self.take_part()
         return f"the next test, {self.agreement.run}, begins when every node is ready"
 
@@ -227,13 +254,17 @@ class NumericalSubstructureNode(StageNode):
         """Tell what has changed since the last time."""
         conductor = self._conductor
         misses = conductor.deadlines.missed_deadlines
+        slow = 0 if self._integration is None else self._integration.slow
         if conductor.state is NodeState.RUNNING:
             if self.state is not NodeState.RUNNING:
                 self.set_state(NodeState.RUNNING)
             elif misses > self._misses_told:
                 self.level, self.note = status.WARN, f"{misses} deadlines missed, the last at step {conductor.step - 1}"
                 self.status_due_within(MISS_REPORT_PERIOD)
-            self._misses_told = misses
+            elif slow > self._slow_told:
+                self.level, self.note = status.WARN, f"{slow} integrations took too long, 60 % of their steps or more"
+                self.status_due_within(MISS_REPORT_PERIOD)
+            self._misses_told, self._slow_told = misses, slow
         elif conductor.state is NodeState.ENDED and self.state is not NodeState.ENDED:
             well = conductor.outcome in (Outcome.FINISHED, Outcome.STOPPED)
             self.set_state(NodeState.ENDED, conductor.reason, status.OK if well else status.ERROR)
@@ -241,6 +272,14 @@ class NumericalSubstructureNode(StageNode):
             closure = ", ".join(f"{name} {value:.2f}" for name, value in timing.closure_ms.items())
             deadlines = f"{timing.missed_deadlines} of {conductor.step} deadlines missed"
             self.log_later(f"{conductor.outcome}: {conductor.reason}; {deadlines}, closure [ms] {closure}")
+            if self._integration is not None and self._integration.count:
+                self._log_integrations(self._integration)
+
+    def _log_integrations(self, integration: IntegrationProcess) -> None:
+        """Log how long the integrations took, as a warning where some took too long."""
+        told = f"{integration.slow} of {integration.count} integrations took 60 % of their steps or more"
+        level = status.WARN if integration.slow else status.OK
+        self.log_later(f"{told}, the longest {1e3 * integration.longest:.3g} ms", level)
 
 
 def main() -> int:

@@ -345,6 +345,7 @@ def _timing(values: Mapping[str, str]) -> TimingStatistics | None:
             late_ticks=int(values["late_ticks"]),
             closure_ms={name: float(values[f"closure_ms_{name}"]) for name in ("p50", "p99", "max")},
             closure_counts=tuple(int(count) for count in json.loads(values.get("closure_counts", "[]"))),
+            slow_integrations=int(values.get("slow_integrations", "0")),
         )
     except (KeyError, TypeError, ValueError, RecursionError):
         return None
