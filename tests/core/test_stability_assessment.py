@@ -10,10 +10,10 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.loop.closed_loop import ClosedLoop, closed_loop
-from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop, sweep
+from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop, sweep
 from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import confirm, free_growth
-from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval, loop_of
+from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.loop_elements import Delay, MeasuredResponse
 from bmd_rths_core.stability.models import experimental_modes, numerical_oscillator, table_sections, uncoupled_modes
@@ -219,7 +219,7 @@ def test_measured_table_replaces_table_and_delay(tmp_path):
     measured = assess(config, options)
     known = dataclasses.replace(paper_loop(config, DEFAULTS), table=Delay(0.02), feedback_delay=0.0).margin()
     assert measured.continuous.margin.allowable_mass_ratio == pytest.approx(known.allowable_mass_ratio, rel=1e-9)
-    late = dataclasses.replace(loop_of(config), table=Delay(0.02), feedback_delay=0.005).margin()
+    late = dataclasses.replace(complete_loop(config, DEFAULTS), table=Delay(0.02), feedback_delay=0.005).margin()
     assert measured.continuous_complete.margin.allowable_mass_ratio == pytest.approx(
         late.allowable_mass_ratio, rel=1e-9
     )

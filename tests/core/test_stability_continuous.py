@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from bmd_rths_core.compensators.phase_lead import CommandShaperConfig
 from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction, loop_of
+from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop
+from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, LoopTransferFunction
 from bmd_rths_core.stability.loop_elements import Delay, DiscreteCompensator, MeasuredResponse, Rational
 from bmd_rths_core.stability.models import (
     EQUATION_9,
@@ -130,7 +131,8 @@ def test_gain_bounds_hold():
 
 @pytest.mark.parametrize("scheme", ["uc", "plc"])
 def test_loop_of_a_configuration(scheme):
-    loop = loop_of(Config().changed(run__scheme=scheme, simulated_table__command_delay=0.003))
+    config = Config().changed(run__scheme=scheme, simulated_table__command_delay=0.003)
+    loop = complete_loop(config, AnalysisOptions())
     assert loop.feedback_delay == pytest.approx(0.008)
     assert (loop.compensator is not None) == (scheme == "plc")
     assert_intervals(loop, loop.margin())
