@@ -39,7 +39,7 @@ damping_ratios = st.floats(0.002, 0.2)
 
 
 def unstable_poles(loop, mass_ratio, highest=20000.0):
-    """Count the encirclements of −1 by following the angle of 1 + L over a grid, fine enough for turns below 0.5 rad."""
+    """Count the encirclements of −1 by following the angle of 1 + L, over a grid of turns below 0.5 rad."""
     fine = [np.linspace(1e-3, 500.0, 20001), np.geomspace(500.0, highest, 4001)]
     for pole in np.concatenate([element.poles.ravel() for element in (loop.numerical, loop.experimental)]):
         # Equal turns of the circle that a light mode traces, of any width.
