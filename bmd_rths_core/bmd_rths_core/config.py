@@ -17,7 +17,7 @@ from bmd_rths_core.compensators.registry import compensator, settings_sections
 from bmd_rths_core.derived_parameters import completed, released
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
-from bmd_rths_core.parameters import build_section, suggestion
+from bmd_rths_core.parameters import build_section, specs, suggestion
 from bmd_rths_core.renamed_parameters import refuse_renamed
 from bmd_rths_core.run_config import LONGEST_STEP, RealTimeConfig, RecorderConfig, RunConfig
 from bmd_rths_core.safety import SafetyConfig
@@ -148,13 +148,7 @@ class Config:
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as nested plain values; arrays are lists."""
-        return {
-            name: {
-                key: list(value) if isinstance(value, tuple) else value
-                for key, value in dataclasses.asdict(self.section(name)).items()
-            }
-            for name in SECTIONS
-        }
+        return {name: _plain(self.section(name)) for name in SECTIONS}
 
     def changed(self, **changes: object) -> Config:
         """Return a copy with some parameters changed.
@@ -181,7 +175,7 @@ class Config:
         mapping = self._released(given)
         for section, values in given.items():
             mapping[section] = {**mapping.get(section, {}), **values}
-        return config_from_mapping(mapping)
+        return config_from_mapping(mapping, {name: self.section(name) for name in SECTIONS if name not in given})
 
     def _released(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return all parameters but those that follow from what is given, and have followed before."""
@@ -238,13 +232,20 @@ def compensation_sections() -> tuple[str, ...]:
     return tuple(name for name in SECTIONS if name not in _OWN)
 
 
-def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
+def _plain(section: Any) -> dict[str, Any]:
+    values = {key: getattr(section, key) for key in specs(type(section))}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+
+
+def config_from_mapping(mapping: Mapping[str, Any], made: Mapping[str, Any] | None = None) -> Config:
     """Build the configuration from nested plain values.
 
     Parameters
     ----------
     mapping : Mapping
         Section name to parameter name to value.
+    made : Mapping, optional
+        Section name to a section that is kept, instead of made and checked again, where it has these values.
 
     Returns
     -------
@@ -265,7 +266,8 @@ def config_from_mapping(mapping: Mapping[str, Any]) -> Config:
             )
         if not isinstance(values, Mapping):
             raise InputError(f"{name}: {_short(values)} is not a section; parameters with values are required")
-    sections: dict[str, Any] = {name: build_section(SECTIONS[name], values) for name, values in mapping.items()}
+    kept = {name: section for name, section in (made or {}).items() if _plain(section) == mapping.get(name)}
+    sections = {name: kept.get(name) or build_section(SECTIONS[name], values) for name, values in mapping.items()}
     compensation = tuple(sections.pop(name, SECTIONS[name]()) for name in compensation_sections())
     return Config(**sections, compensation=compensation)
 

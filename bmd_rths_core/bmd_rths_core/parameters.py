@@ -131,7 +131,7 @@ def parameter(
     return field(default=default, metadata={_METADATA_KEY: spec})
 
 
-def specs(section: type) -> dict[str, ParameterSpec]:
+def specs(section: type) -> Mapping[str, ParameterSpec]:
     """Return the declaration of every parameter of a section.
 
     Parameters
@@ -141,10 +141,15 @@ def specs(section: type) -> dict[str, ParameterSpec]:
 
     Returns
     -------
-    dict of str to ParameterSpec
+    Mapping of str to ParameterSpec
         In the order of declaration.
     """
-    return {f.name: f.metadata[_METADATA_KEY] for f in fields(section)}
+    return _specs(section)
+
+
+@cache
+def _specs(section: type) -> Mapping[str, ParameterSpec]:
+    return types.MappingProxyType({f.name: f.metadata[_METADATA_KEY] for f in fields(section)})
 
 
 def section_name(section: type) -> str:

@@ -71,6 +71,18 @@ def test_changed_validates_and_leaves_the_original():
         config.changed(run__sheme="uc")
 
 
+def test_changed_keeps_the_sections_that_nothing_changes():
+    """And no other: of a section that is named every value is checked, and what follows from it is made anew."""
+    config = Config()
+    faster = config.changed(run__time_step=0.0025)
+    kept = {name for name in SECTIONS if faster.section(name) is config.section(name)}
+    assert set(SECTIONS) - kept == {"run", "virtual_controller"}
+    assert faster == config_from_mapping(faster.as_mapping())
+    one = config.changed(command_shaper__w1=1.5, command_shaper__w2=1.0)
+    with pytest.raises(InputError, match=r"command_shaper\.w2: True is not a number"):
+        one.changed(command_shaper__w2=True)
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from bmd_rths_core.config import Config
-from bmd_rths_core.stages.shear_estimator import ShearEstimator, ShearEstimatorConfig, kalman_filter
+from bmd_rths_core.stages.shear_estimator import (
+    ShearEstimator,
+    ShearEstimatorConfig,
+    kalman_filter,
+    steady_state_filter,
+)
 from bmd_rths_core.table.controller import TableCommand
 from bmd_rths_core.table.models.simulated import SimulatedTable
 from bmd_rths_core.table.models.simulated_config import SimulatedTableConfig
@@ -33,6 +38,15 @@ def measurements(specimen, table_config, commands, seed=0):
 def smooth_commands(n):
     time = np.arange(n) * DT
     return np.sin(2 * np.pi * 2.3 * time) + 0.5 * np.sin(2 * np.pi * 5.5 * time)
+
+
+def test_filter_that_is_shared_cannot_be_altered():
+    first, again = (steady_state_filter(ShearEstimatorConfig(), SPECIMEN, DT) for _ in range(2))
+    assert again is first
+    assert steady_state_filter(ShearEstimatorConfig(model_error=0.2), SPECIMEN, DT).gain != pytest.approx(first.gain)
+    for array in first:
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 1.0
 
 
 @pytest.mark.parametrize("specimen", [SPECIMEN, EIGHT_STORY], ids=["simplified", "eight-story"])

@@ -10,15 +10,15 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.loop.closed_loop import ClosedLoop, closed_loop
-from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop, sweep
+from bmd_rths_core.stability.analysed_loops import AnalysisOptions, complete_loop, paper_loop, sweep
 from bmd_rths_core.stability.assessment import Analysis, Assessment, assess
 from bmd_rths_core.stability.confirmation import confirm, free_growth
-from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval, loop_of
+from bmd_rths_core.stability.continuous import LoopTransferFunction, StabilityMargin, StableInterval
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.loop_elements import Delay, MeasuredResponse
 from bmd_rths_core.stability.models import experimental_modes, numerical_oscillator, table_sections, uncoupled_modes
 from bmd_rths_core.stability.response_file import read_frequency_response
-from bmd_rths_core.stability.unit_circle import transfer_function
+from bmd_rths_core.stability.unit_circle import DiscreteRational, transfer_function
 from bmd_rths_core.table.models.dynamics import servo_sections
 from tests.conftest import SERVO_TABLE
 
@@ -70,6 +70,18 @@ def test_transfer_function_by_its_roots():
     z = np.exp(1j * np.linspace(0.1, 3.0, 20))
     response = transfer_function(a, b, c, (0.5, 1)).response(z)
     assert response == pytest.approx(1.0 / ((z - 0.9) * z), rel=1e-12)
+
+
+@pytest.mark.parametrize("double_zero", [1.0, 0.8 + 0.3j])
+def test_gain_bound_holds_from_one_on(double_zero):
+    """Up to the nearest pole; with a pole and a zero outside the circle and a zero as good as at infinity."""
+    zeros = np.array([double_zero, np.conj(double_zero), -0.9, 1.5, -1e9])
+    function = DiscreteRational(zeros, np.array([0.9 + 0.1j, 0.9 - 0.1j, 0.2, 1.2, -0.5, 0.0]), 3e-8)
+    for theta in np.geomspace(1e-6, 0.14, 30):
+        reached = np.abs(function.response(np.exp(1j * np.linspace(0.0, theta, 50)))).max()
+        assert reached <= function.gain_bound(theta) * (1.0 + 1e-12)
+    assert function.gain_bound(1e-6) == pytest.approx(np.abs(function.response(np.exp(1e-6j))), rel=1e-3)
+    assert function.gain_bound(0.15) == np.inf
 
 
 def test_three_analyses_are_those_of_the_library():
@@ -219,7 +231,7 @@ def test_measured_table_replaces_table_and_delay(tmp_path):
     measured = assess(config, options)
     known = dataclasses.replace(paper_loop(config, DEFAULTS), table=Delay(0.02), feedback_delay=0.0).margin()
     assert measured.continuous.margin.allowable_mass_ratio == pytest.approx(known.allowable_mass_ratio, rel=1e-9)
-    late = dataclasses.replace(loop_of(config), table=Delay(0.02), feedback_delay=0.005).margin()
+    late = dataclasses.replace(complete_loop(config, DEFAULTS), table=Delay(0.02), feedback_delay=0.005).margin()
     assert measured.continuous_complete.margin.allowable_mass_ratio == pytest.approx(
         late.allowable_mass_ratio, rel=1e-9
     )

@@ -81,7 +81,7 @@ def simulate(config, motion):
     return dict(zip(loop.outputs, outputs[0], strict=True))
 
 
-def growth_rate(config, most=6000):
+def growth_rate(config, most=3500):
     """Return the growth of the response over its last quarter, per step."""
     # Long enough for the critical pair to outlive everything else, and not for it to pass the limit.
     steps = min(most, round(15.0 / abs(closed_loop(config).spectral_radius - 1.0)))

@@ -1,9 +1,11 @@
 """Sensitivity: every parameter of the loop and no other, and its margins against python-control."""
 
+from pathlib import Path
+
 import control
 import pytest
 
-from bmd_rths_core.config import Config
+from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions
 from bmd_rths_core.stability.assessment import assess
 from bmd_rths_core.stability.discrete import with_mass_ratio
@@ -67,14 +69,17 @@ def test_parameters_are_those_that_enter_the_loop(uncompensated):
     assert set(uncompensated) == ALWAYS | SERVO | IDENTIFIED
 
 
-@pytest.mark.slow
-def test_parameters_of_compensation_and_estimator_enter_too():
-    compensated = by_name(Config(), AnalysisOptions(modes=1))
+@pytest.fixture(scope="module")
+def compensated():
+    """With weights of the shaper that may become larger, but not smaller."""
+    return by_name(Config().changed(command_shaper__w1=1.05, command_shaper__w2=0.5), AnalysisOptions(modes=1))
+
+
+def test_parameters_of_compensation_and_estimator_enter_too(compensated):
     others = {"simulated_table.platen_mass", "force_correction.gain"}
     assert set(compensated) == ALWAYS | SERVO | KALMAN | SHAPER | others
 
 
-@pytest.mark.slow
 def test_coefficients_that_are_0_or_a_leading_1_are_left_out():
     config = Config().changed(
         run__scheme="uc",
@@ -102,17 +107,25 @@ def test_largest_effect_is_first_and_is_that_of_the_gain_margins(uncompensated):
         assert margin == pytest.approx(base.gain_margins[name] / 0.9, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_what_is_not_allowed_says_so():
-    entries = by_name(UNCOMPENSATED.changed(run__scheme="plc", command_shaper__w1=1.05, command_shaper__w2=0.5))
+def test_parameters_of_any_compensator_and_of_the_model_it_knows_enter():
+    config = load_config(Path(__file__).parents[2] / "config" / "simplified_bmd.yaml")
+    names = set(by_name(config.changed(run__scheme="amb", shear_estimator__source="load_cell")))
+    assert {"amb.lower_frequency", "amb.upper_frequency", "identified_model.gain"} <= names
+    assert {name.partition(".")[0] for name in names} == {
+        *("run", "numerical_substructure", "specimen", "simulated_table", "force_correction"),
+        *("amb", "identified_model"),
+    }
+
+
+def test_what_is_not_allowed_says_so(compensated):
     for changed, problem in (
-        (entries["command_shaper.w1"].decreased, "|W1| > 1"),
-        (entries["force_correction.feedback_scale"].increased, "<= 1 is required"),
+        (compensated["command_shaper.w1"].decreased, "|W1| > 1"),
+        (compensated["force_correction.feedback_scale"].increased, "<= 1 is required"),
     ):
         assert changed.assessment is None
         assert problem in changed.problem
         assert not changed.flips_verdict
-    assert entries["command_shaper.w1"].increased.assessment is not None
+    assert compensated["command_shaper.w1"].increased.assessment is not None
 
 
 @pytest.mark.slow

@@ -178,7 +178,7 @@ def test_wrong_input_is_one_clear_line(run_main, tmp_path, arguments, named):
 def test_files_that_identify_writes_are_tables(run_main, result_of, tmp_path):
     """Measured in one noisy run, as a model and as data, the table has the margin of the true one, within a few %."""
     files = ("--output", tmp_path / "model.yaml", "--frf", tmp_path / "measured.csv")
-    status, _, errors = run_main("identify", SIMPLIFIED, "--what", "table", *files, "--json")
+    status, _, errors = run_main("identify", SIMPLIFIED, "--what", "table", "--duration", 60, *files, "--json")
     assert status == 0, errors
     asked = (SIMPLIFIED, "--scheme", "uc", "--no-sensitivity")
     true, by_option, model, data = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,17 +12,14 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.linear_loop import ClosedLoop
-from bmd_rths_core.stability.continuous import (
-    LoopTransferFunction,
-    MarginCurve,
-    loop_of,
-    margin_curve,
-    refuse_substeps,
-)
+from bmd_rths_core.stability.continuous import LoopTransferFunction, MarginCurve, margin_curve
 from bmd_rths_core.stability.loop_elements import LoopElement, MeasuredResponse
 from bmd_rths_core.stability.models import (
     IdentifiedMode,
+    elastic_numerical_building,
+    experimental_building,
     experimental_modes,
+    first_effective_mass,
     numerical_oscillator,
     phase_lead_compensator,
     simulated_table,
@@ -70,6 +66,27 @@ def has_continuous_loops(config: Config) -> bool:
     return config.run.scheme in SCHEME_NAMES and config.numerical_substructure.substeps == 1
 
 
+def refuse_substeps(config: Config) -> None:
+    """Refuse a loop with sub-steps, which no analysis in continuous time knows of.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        It has sub-steps.
+    """
+    substeps = config.numerical_substructure.substeps
+    if substeps > 1:
+        raise InputError(
+            f"numerical_substructure.substeps: {substeps}, which the analyses in continuous time know nothing of; "
+            "1 is required"
+        )
+
+
 def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction:
     """Return the loop of the analysis *continuous*: Eq. 7 with one mode of the numerical substructure.
 
@@ -89,22 +106,11 @@ def paper_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction
     InputError
         The modes do not fit the configuration, or a substructure has no damping.
     """
-    refuse_substeps(config)
-    frequency, damping_ratio = _first_mode(config)
-    (table, delay), step = _table(config, options), config.run.time_step
-    return LoopTransferFunction(
-        numerical_oscillator(frequency, damping_ratio),
-        experimental_modes(_modes(config, options.modes)),
-        table,
-        phase_lead_compensator(config.command_shaper, config.run.time_step)
-        if config.run.scheme in PHASE_LEAD
-        else None,
-        options.feedback_delay_steps * step + delay,
-    )
+    return _paper_loop(config, options, _shared(config, options))
 
 
 def complete_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunction:
-    """Return the loop of the analysis *continuous_complete*: `continuous.loop_of`, also with a measured table.
+    """Return the loop of the analysis *continuous_complete*: Eq. 7 with every mode and one step of feedback delay.
 
     Parameters
     ----------
@@ -116,9 +122,10 @@ def complete_loop(config: Config, options: AnalysisOptions) -> LoopTransferFunct
     Returns
     -------
     LoopTransferFunction
+        It knows no hold, no estimator and no force correction; `discrete` does. A numerical substructure that may yield
+        is taken for small motion about rest.
     """
-    table, delay = _table(config, options)
-    return dataclasses.replace(loop_of(config), table=table, feedback_delay=config.run.time_step + delay)
+    return _complete_loop(config, _shared(config, options))
 
 
 class AnalysedLoops(NamedTuple):
@@ -155,7 +162,8 @@ def analysed_loops(config: Config, options: AnalysisOptions) -> AnalysedLoops:
     discrete = None if options.not_fitted else closed_loop(config)
     if not has_continuous_loops(config):
         return AnalysedLoops(None, None, discrete)
-    return AnalysedLoops(paper_loop(config, options), complete_loop(config, options), discrete)
+    shared = _shared(config, options)
+    return AnalysedLoops(_paper_loop(config, options, shared), _complete_loop(config, shared), discrete)
 
 
 def sweep(config: Config, options: AnalysisOptions) -> MarginCurve:
@@ -185,11 +193,43 @@ def _first_mode(config: Config) -> tuple[float, float]:
     return float(modes.frequencies[0]), float(modes.damping_ratios[0])
 
 
-def _table(config: Config, options: AnalysisOptions) -> tuple[LoopElement, float]:
-    """Return the table and its pure delay [s]."""
-    if options.measured_table is not None:
-        return options.measured_table, 0.0
-    return simulated_table(config.simulated_table, config.specimen.building()), config.simulated_table.command_delay
+class _Shared(NamedTuple):
+    """What both loops of the scheme have in common; the delay is that of the table [s]."""
+
+    table: LoopElement
+    compensator: LoopElement | None
+    delay: float
+
+
+def _shared(config: Config, options: AnalysisOptions) -> _Shared:
+    refuse_substeps(config)
+    leads, measured = config.run.scheme in PHASE_LEAD, options.measured_table
+    return _Shared(
+        measured or simulated_table(config.simulated_table, config.specimen.building()),
+        phase_lead_compensator(config.command_shaper, config.run.time_step) if leads else None,
+        0.0 if measured else config.simulated_table.command_delay,
+    )
+
+
+def _paper_loop(config: Config, options: AnalysisOptions, shared: _Shared) -> LoopTransferFunction:
+    return LoopTransferFunction(
+        numerical_oscillator(*_first_mode(config)),
+        experimental_modes(_modes(config, options.modes)),
+        shared.table,
+        shared.compensator,
+        options.feedback_delay_steps * config.run.time_step + shared.delay,
+    )
+
+
+def _complete_loop(config: Config, shared: _Shared) -> LoopTransferFunction:
+    effective_mass = first_effective_mass(config.numerical_substructure.building())
+    return LoopTransferFunction(
+        elastic_numerical_building(config.elastic_substructure(), effective_mass),
+        experimental_building(config.specimen.building()),
+        shared.table,
+        shared.compensator,
+        config.run.time_step + shared.delay,
+    )
 
 
 def _modes(config: Config, choice: int | str) -> tuple[IdentifiedMode, ...]:

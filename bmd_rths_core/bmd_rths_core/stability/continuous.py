@@ -17,20 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bmd_rths_core.compensators.schemes import PHASE_LEAD
-from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
-from bmd_rths_core.stability.crossings import Cells, Crossings, positive_real_crossings
+from bmd_rths_core.stability.crossings import Cells, Crossings, halved_towards, positive_real_crossings
 from bmd_rths_core.stability.loop_elements import ComplexArray, Delay, LoopElement, Rational
-from bmd_rths_core.stability.models import (
-    elastic_numerical_building,
-    experimental_building,
-    first_effective_mass,
-    numerical_oscillator,
-    phase_lead_compensator,
-    simulated_table,
-    table_sections,
-)
+from bmd_rths_core.stability.models import numerical_oscillator, table_sections
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
@@ -215,29 +205,33 @@ class LoopTransferFunction:
     def _crossings(self, numerical: Rational, largest: float) -> Crossings:
         rest = self._rest
 
-        def of_rest(omega: FloatArray) -> tuple[ComplexArray, FloatArray]:
-            value, variation = np.ones(omega.shape, dtype=complex), np.zeros(omega.shape)
+        def of_rest(omega: FloatArray) -> ComplexArray:
+            value = np.ones(omega.shape, dtype=complex)
             for element in rest:
                 value = value * element.response(omega)
-                variation = variation + element.phase_variation(omega)
-            return value, variation
+            return value
 
-        def evaluate(omega: FloatArray, loop: IndexArray) -> tuple[ComplexArray, FloatArray]:
-            value, variation = of_rest(omega)
-            here = numerical.take(loop)
-            return value * here.response(omega), variation + here.phase_variation(omega)
+        def of(loop: IndexArray) -> Rational:
+            return numerical if len(numerical.poles) == 1 else numerical.take(loop)
+
+        def response(omega: FloatArray, loop: IndexArray) -> ComplexArray:
+            return of_rest(omega) * of(loop).response(omega)
+
+        def variation(omega: FloatArray, loop: IndexArray) -> FloatArray:
+            return _variation(rest, omega) + of(loop).phase_variation(omega)
 
         nodes = _nodes(rest, _highest_frequency((numerical, *rest), largest))
-        value, variation = of_rest(nodes)
+        nodes = np.concatenate((nodes[:1], halved_towards(0.0, nodes[1])[:0:-1], nodes[1:]))
         # Loops along the first axis, frequencies along the second; the rest of the loop is evaluated once for all.
         each = Rational(numerical.zeros[:, None], numerical.poles[:, None], numerical.gain[:, None])
-        values, variations = value * each.response(nodes), variation + each.phase_variation(nodes)
+        values = of_rest(nodes) * each.response(nodes)
+        variations = _variation(rest, nodes) + each.phase_variation(nodes)
         loop = np.repeat(np.arange(len(values)), len(nodes) - 1)
         lower, upper = np.tile(nodes[:-1], len(values)), np.tile(nodes[1:], len(values))
         lower_value, upper_value = values[:, :-1].ravel(), values[:, 1:].ravel()
         lower_variation, upper_variation = variations[:, :-1].ravel(), variations[:, 1:].ravel()
         cells = Cells(loop, lower, upper, lower_value, upper_value, lower_variation, upper_variation)
-        return positive_real_crossings(evaluate, cells)
+        return positive_real_crossings(response, variation, cells)
 
 
 def margin_curve(
@@ -281,52 +275,6 @@ def margin_curve(
     return MarginCurve(omega, ratios, np.array([margin.critical_frequency for margin in margins]))
 
 
-def refuse_substeps(config: Config) -> None:
-    """Refuse a loop with sub-steps, which no analysis in continuous time knows of.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-
-    Raises
-    ------
-    InputError
-        It has sub-steps.
-    """
-    substeps = config.numerical_substructure.substeps
-    if substeps > 1:
-        raise InputError(
-            f"numerical_substructure.substeps: {substeps}, which the analyses in continuous time know nothing of; "
-            "1 is required"
-        )
-
-
-def loop_of(config: Config) -> LoopTransferFunction:
-    """Return the loop transfer function of a configuration, with its simulated table and one step of feedback delay.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-
-    Returns
-    -------
-    LoopTransferFunction
-        Eq. 7 of this loop. It knows no hold, no estimator and no force correction; `discrete` does. A numerical
-        substructure that may yield is taken for small motion about rest.
-    """
-    refuse_substeps(config)
-    step, chain = config.run.time_step, config.numerical_substructure.building()
-    return LoopTransferFunction(
-        elastic_numerical_building(config.elastic_substructure(), first_effective_mass(chain)),
-        experimental_building(config.specimen.building()),
-        simulated_table(config.simulated_table, config.specimen.building()),
-        phase_lead_compensator(config.command_shaper, step) if config.run.scheme in PHASE_LEAD else None,
-        step + config.simulated_table.command_delay,
-    )
-
-
 def _margin(ratios: FloatArray, frequencies: FloatArray, directions: IndexArray, largest: float) -> StabilityMargin:
     """Add up the encirclements: two unstable poles more or less, for ω and −ω, at every crossing."""
     unstable, intervals = 0, []
@@ -350,17 +298,24 @@ def _highest_frequency(elements: tuple[LoopElement, ...], largest: float) -> flo
     """Return where L₀ becomes too small for a crossing at the largest ratio of the masses, or is not known any more."""
     frequency, last = 1.0, min(element.last_frequency for element in elements)
     while frequency < last:
-        if frequency**2 * np.prod([element.gain_bound(frequency) for element in elements]) * largest < 1.0:
+        if frequency**2 * math.prod(element.gain_bound(frequency) for element in elements) * largest < 1.0:
             return frequency
         frequency *= 1.1
     return last
 
 
+def _variation(elements: tuple[LoopElement, ...], omega: FloatArray) -> FloatArray:
+    return np.asarray(sum(element.phase_variation(omega) for element in elements))
+
+
 def _nodes(elements: tuple[LoopElement, ...], highest: float) -> FloatArray:
     nodes = np.linspace(0.0, highest, 33)
+    variation = _variation(elements, nodes)
     while True:
-        variation = np.diff(np.sum([element.phase_variation(nodes) for element in elements], axis=0))
-        coarse = (variation > _FIRST_CELL) & (np.diff(nodes) > 1e-9 * nodes[1:])
-        if not coarse.any():
-            return np.asarray(nodes)
-        nodes = np.sort(np.concatenate((nodes, (nodes[:-1] + 0.5 * np.diff(nodes))[coarse])))
+        width = np.diff(nodes)
+        coarse = np.flatnonzero((np.diff(variation) > _FIRST_CELL) & (width > 1e-9 * nodes[1:]))
+        if not len(coarse):
+            return nodes
+        added, after = nodes[coarse] + 0.5 * width[coarse], coarse + 1
+        nodes = np.insert(nodes, after, added)
+        variation = np.insert(variation, after, _variation(elements, added))

@@ -8,6 +8,7 @@ stages themselves (their ``state_space()``).
 from __future__ import annotations
 
 import dataclasses
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from bmd_rths_core.loop.build import make_force_correction
 from bmd_rths_core.loop.closed_loop import closed_loop
 from bmd_rths_core.loop.linear_loop import ClosedLoop
 from bmd_rths_core.stability.continuous import LARGEST_MASS_RATIO, StabilityMargin, StableInterval
-from bmd_rths_core.stability.crossings import Cells, positive_real_crossings
+from bmd_rths_core.stability.crossings import Cells, halved_towards, positive_real_crossings
 from bmd_rths_core.stability.models import first_effective_mass
 from bmd_rths_core.stability.unit_circle import transfer_function
 from bmd_rths_core.structure.config import MATRICES, STORIES
@@ -27,9 +28,18 @@ from bmd_rths_core.structure.shear_building import mass_ratio
 
 FloatArray = NDArray[np.float64]
 
+_LOWEST, *_INNER, _HIGHEST = np.linspace(1e-6, np.pi, 129).tolist()
 #: Angles of the unit circle to begin with [rad]; any give the same result. Below the first one inertia is too small for
-#: anything to be critical.
-_FIRST_ANGLES = np.linspace(1e-6, np.pi, 129)
+#: anything to be critical. At z = −1 the function is real.
+_FIRST_ANGLES = np.concatenate(
+    (
+        [_LOWEST],
+        halved_towards(_LOWEST, _INNER[0])[:0:-1],
+        _INNER[:-1],
+        halved_towards(_HIGHEST, _INNER[-1]),
+        [_HIGHEST],
+    )
+)
 #: Critical ratios nearer to each other than this, relatively, count as one.
 _SAME_RATIO = 1e-9
 #: A share of the shear below this is none but for rounding.
@@ -191,13 +201,19 @@ def _critical_shares(open_loop: FloatArray, feedback: FloatArray, highest: float
     # A shear that is constant or rises steadily accelerates nothing: two zeros at z = 1.
     function = transfer_function(open_loop, np.eye(len(open_loop))[0], feedback, (1.0, 2))
 
-    def evaluate(theta: FloatArray, loop: NDArray[np.intp]) -> tuple[NDArray[np.complex128], FloatArray]:
-        return function.response(np.exp(1j * theta)), function.phase_variation(theta)
+    def response(theta: FloatArray, loop: NDArray[np.intp]) -> NDArray[np.complex128]:
+        return function.response(np.exp(1j * theta))
 
-    theta, first = _FIRST_ANGLES, np.zeros(len(_FIRST_ANGLES) - 1, dtype=np.intp)
-    value, variation = evaluate(theta, first)
-    cells = Cells(first, theta[:-1], theta[1:], value[:-1], value[1:], variation[:-1], variation[1:])
-    crossings = positive_real_crossings(evaluate, cells)
+    def variation(theta: FloatArray, loop: NDArray[np.intp]) -> FloatArray:
+        return function.phase_variation(theta)
+
+    # Where inertia is too small for any share up to the highest to be critical, nothing is searched.
+    too_low = takewhile(lambda theta: highest * function.gain_bound(theta) < 1.0, _FIRST_ANGLES)
+    theta = _FIRST_ANGLES[max(0, len(list(too_low)) - 1) :]
+    first = np.zeros(len(theta) - 1, dtype=np.intp)
+    value, varied = response(theta, first), variation(theta, first)
+    cells = Cells(first, theta[:-1], theta[1:], value[:-1], value[1:], varied[:-1], varied[1:])
+    crossings = positive_real_crossings(response, variation, cells)
     # At z = −1 the function is real; no crossing is needed to be critical there.
     values = np.append(crossings.value, value[-1].real)
     angles = np.append(crossings.frequency, np.pi)

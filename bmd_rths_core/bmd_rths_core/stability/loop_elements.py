@@ -7,6 +7,7 @@ Every element knows, in closed form, the total variation of its own phase along 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -98,26 +99,34 @@ class Rational:
 
     def phase_variation(self, frequency: FloatArray) -> FloatArray:
         """Return the sum of the variations of every zero and pole, each monotonic."""
-        omega, total = np.asarray(frequency)[..., None], np.zeros(np.shape(frequency))
-        for roots in (self.zeros, self.poles):
-            centre, width = roots.imag, np.abs(roots.real)
-            total = total + np.sum(np.arctan2(omega - centre, width) - np.arctan2(-centre, width), axis=-1)
-        return np.asarray(total)
+        omega, (centre, width, at_zero) = np.asarray(frequency)[..., None], self._roots
+        return np.asarray((np.arctan2(omega - centre, width) - at_zero).sum(axis=-1))
 
     def gain_bound(self, frequency: float) -> float:
         """Return the bound from the moduli of zeros and poles."""
-        farthest = np.max(np.abs(self.poles), initial=0.0)
-        if frequency <= 2.0 * farthest or self.zeros.shape[-1] > self.poles.shape[-1]:
-            return np.inf if self.poles.shape[-1] else float(np.max(np.abs(self.gain)))
-        grow = np.prod(1.0 + np.abs(self.zeros) / frequency, axis=-1)
-        shrink = np.prod(1.0 - np.abs(self.poles) / frequency, axis=-1)
-        order = self.zeros.shape[-1] - self.poles.shape[-1]
-        return float(np.max(np.abs(self.gain) * grow / shrink) * frequency**order)
+        zeros, poles, gain, farthest = self._moduli
+        if frequency <= 2.0 * farthest or zeros.shape[-1] > poles.shape[-1]:
+            return np.inf if poles.shape[-1] else float(gain.max())
+        grow, shrink = (1.0 + zeros / frequency).prod(axis=-1), (1.0 - poles / frequency).prod(axis=-1)
+        return float((gain * grow / shrink).max() * frequency ** (zeros.shape[-1] - poles.shape[-1]))
 
     @property
     def last_frequency(self) -> float:
         """Infinity: the response is known everywhere."""
         return np.inf
+
+    @cached_property
+    def _roots(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Imaginary part and distance from the axis of every zero and pole, and its phase at zero frequency."""
+        roots = np.concatenate((self.zeros, self.poles), axis=-1)
+        centre, width = roots.imag, np.abs(roots.real)
+        return centre, width, np.arctan2(-centre, width)
+
+    @cached_property
+    def _moduli(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """Moduli of zeros, poles and gain, and that of the farthest pole."""
+        poles = np.abs(self.poles)
+        return np.abs(self.zeros), poles, np.abs(self.gain), float(np.max(poles, initial=0.0))
 
     def take(self, index: NDArray[np.intp]) -> Rational:
         """Return some of several functions, for frequencies that stand beside them.

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 import typing
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bmd_rths_core.config import SECTIONS, Config
+from bmd_rths_core.config import SECTIONS, Config, compensation_sections
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.parameters import specs
 from bmd_rths_core.stability.analysed_loops import AnalysedLoops, AnalysisOptions, analysed_loops
@@ -97,17 +97,46 @@ def sensitivity(
     InputError
         See `assessment.assess`.
     """
-    loops = analysed_loops(config, options)
-    base, probe = assess(config, options, loops), _probe(loops)
+    loops, sections = _watched_loops(config, options)
+    base = _Base(assess(config, options, loops), _probe(loops), sections)
     candidates = list(_candidates(config))
     found = []
     for done, (name, index) in enumerate(candidates, 1):
-        entry = _sensitivity(config, options, base, probe, name, index)
+        entry = _sensitivity(config, options, base, name, index)
         if entry is not None:
             found.append(entry)
         if progress is not None:
             progress(done / len(candidates))
     return sorted(found, key=lambda entry: -entry.effect)
+
+
+class _Base(NamedTuple):
+    """The configuration as it is: its analyses, its probe, and the sections its loops are made from."""
+
+    assessment: Assessment
+    probe: NDArray[np.complex128]
+    sections: set[str]
+
+
+def _watched_loops(config: Config, options: AnalysisOptions) -> tuple[AnalysedLoops, set[str]]:
+    """Return the loops, and the sections that were read to make them: no other one enters."""
+    read = set()
+
+    class Watched(Config):
+        def __getattribute__(self, name: str) -> Any:
+            read.add(name)
+            return super().__getattribute__(name)
+
+        def section(self, name: str) -> Any:
+            read.add(name)
+            return config.section(name)
+
+    watched = Watched(**{field.name: getattr(config, field.name) for field in fields(Config)})
+    read.clear()
+    loops = analysed_loops(watched, options)
+    if "compensation" in read:
+        read.update(compensation_sections())
+    return loops, read & set(SECTIONS)
 
 
 def _candidates(config: Config) -> Iterator[tuple[str, int | None]]:
@@ -132,15 +161,10 @@ def _leading_ones(sections: list[float]) -> set[int]:
 
 
 def _sensitivity(
-    config: Config,
-    options: AnalysisOptions,
-    base: Assessment,
-    probe: NDArray[np.complex128],
-    name: str,
-    index: int | None,
+    config: Config, options: AnalysisOptions, base: _Base, name: str, index: int | None
 ) -> ParameterSensitivity | None:
     section, _, key = name.partition(".")
-    value = config.as_mapping()[section][key]
+    value = getattr(config.section(section), key)
     configured = value if index is None else value[index]
     changes = []
     for factor in (1.0 - CHANGE, 1.0 + CHANGE):
@@ -149,16 +173,18 @@ def _sensitivity(
             changed = [*value[:index], changed, *value[index + 1 :]]
         try:
             other = config.changed(**{f"{section}__{key}": changed})
+            if all(other.section(own) is config.section(own) for own in base.sections):
+                return None
             loops = analysed_loops(other, options)
-            if np.array_equal(_probe(loops), probe):
+            if np.array_equal(_probe(loops), base.probe):
                 return None
             result = assess(other, options, loops)
         except InputError as error:
             changes.append(ChangedParameter(factor * configured, None, str(error), False))
         else:
-            changes.append(ChangedParameter(factor * configured, result, "", result.go != base.go))
+            changes.append(ChangedParameter(factor * configured, result, "", result.go != base.assessment.go))
     shown = name if index is None else f"{name}[{index}]"
-    return ParameterSensitivity(shown, configured, changes[0], changes[1], _effect(base, changes))
+    return ParameterSensitivity(shown, configured, changes[0], changes[1], _effect(base.assessment, changes))
 
 
 def _effect(base: Assessment, changes: list[ChangedParameter]) -> float:

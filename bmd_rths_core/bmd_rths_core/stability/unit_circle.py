@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -47,6 +49,19 @@ class DiscreteRational:
         rest = np.prod(point - self.zeros[n:], axis=-1) / np.prod(point - self.poles[n:], axis=-1)
         return np.asarray(self.gain * pairs * rest)
 
+    def gain_bound(self, theta: float) -> float:
+        """Return an upper bound of the gain from z = 1 to e^{jθ}; infinite where a pole is as near as that.
+
+        Parameters
+        ----------
+        theta : float
+            θ ≥ 0 [rad].
+        """
+        farthest, nearest = np.abs(1.0 - self.zeros) + theta, np.abs(1.0 - self.poles) - theta
+        if not np.min(nearest, initial=np.inf) > 0.0:
+            return np.inf
+        return float(np.abs(self.gain) * np.exp(np.sum(np.log(farthest)) - np.sum(np.log(nearest))))
+
     def phase_variation(self, theta: FloatArray) -> FloatArray:
         """Return the sum of the variations of the phase of every root on the unit circle, from θ = 0 on [rad].
 
@@ -60,13 +75,18 @@ class DiscreteRational:
         The phase of e^{jθ} − r rises with θ for a root inside the circle. For one outside it swings between ±A,
         A = asin(1/|r|), with turning points where cos(θ − arg r) = 1/|r|.
         """
-        angle = np.asarray(theta)[..., None]
+        angle, total = np.asarray(theta)[..., None], np.zeros(np.shape(theta))
+        for of, roots, at_zero in self._variations:
+            total = total + (of(angle, roots) - at_zero).sum(axis=-1)
+        return total
+
+    @cached_property
+    def _variations(self) -> list[tuple[Callable[[FloatArray, ComplexArray], FloatArray], ComplexArray, FloatArray]]:
+        """How the phase varies, which roots do so, and from where; for the roots inside the circle and outside."""
         roots = np.concatenate((self.zeros, self.poles))
         inside = np.abs(roots) <= 1.0
-        total = np.zeros(np.shape(theta))
-        for of, some in ((_rising_phase, roots[inside]), (_swinging_variation, roots[~inside])):
-            total = total + np.sum(of(angle, some) - of(np.zeros(1), some), axis=-1)
-        return total
+        parts = ((_rising_phase, roots[inside]), (_swinging_variation, roots[~inside]))
+        return [(of, some, of(np.zeros(1), some)) for of, some in parts if len(some)]
 
 
 def transfer_function(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -169,6 +170,7 @@ class SteadyStateFilter(NamedTuple):
     covariance: FloatArray
 
 
+@lru_cache(maxsize=4)
 def steady_state_filter(config: ShearEstimatorConfig, specimen: LinearBuilding, time_step: float) -> SteadyStateFilter:
     """Return the Kalman filter for a specimen, by the discrete algebraic Riccati equation.
 
@@ -207,7 +209,11 @@ def steady_state_filter(config: ShearEstimatorConfig, specimen: LinearBuilding, 
             f"{config.model_error:g} m/s2 for this specimen: {' '.join(str(error).split())}"
         ) from error
     gain = np.linalg.solve(floors @ prior @ floors.T + measurement_noise, floors @ prior).T
-    return SteadyStateFilter(phi, inputs, floors, process_noise, measurement_noise, gain, prior - gain @ floors @ prior)
+    covariance = prior - gain @ floors @ prior
+    steady = SteadyStateFilter(phi, inputs, floors, process_noise, measurement_noise, gain, covariance)
+    for array in steady:  # whoever asks for the same filter gets it
+        array.setflags(write=False)
+    return steady
 
 
 def kalman_filter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -95,6 +96,10 @@ class BuildingConfig:
         InputError
             The parameters do not fit each other.
         """
+        return self._building
+
+    @cached_property
+    def _building(self) -> LinearBuilding:
         if self.stiffness_matrix:
             return self._by_matrices()
         if self.damping == "coefficients":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,14 @@ class LinearBuilding(ABC):
         Modes
             All n modes, lowest frequency first.
         """
-        return modes_of(self.mass_matrix, self.damping_matrix, self.stiffness_matrix)
+        return self._modes
+
+    @cached_property
+    def _modes(self) -> Modes:
+        modes = modes_of(self.mass_matrix, self.damping_matrix, self.stiffness_matrix)
+        for array in vars(modes).values():
+            array.setflags(write=False)
+        return modes
 
 
 def modes_of(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> Modes:

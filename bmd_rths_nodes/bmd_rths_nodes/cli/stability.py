@@ -84,10 +84,9 @@ def stability(
     Three analyses stand side by side: Eqs. 7 and 8 of the paper, the same with all modes and the delay of the loop,
     and the eigenvalues of the loop as it is run, confirmed in the time domain. The exit status is 0 for both verdicts.
     """
-    from bmd_rths_core.stability.analysed_loops import AnalysisOptions, has_continuous_loops, sweep
+    from bmd_rths_core.stability.analysed_loops import AnalysisOptions, has_continuous_loops, refuse_substeps, sweep
     from bmd_rths_core.stability.assessment import assess
     from bmd_rths_core.stability.confirmation import confirm
-    from bmd_rths_core.stability.continuous import refuse_substeps
 
     resolved, measured = _with_table(choice.resolve(), table)
     not_fitted = ""
