@@ -100,9 +100,15 @@ def test_an_integration_that_leaves_too_little_is_refused(checked):
 
 
 def test_without_substeps_it_is_said_how_many_would_do(checked):
-    with pytest.raises(
-        InputError, match=r"takes 160 % .*, without its integration 20 %; .*; numerical_substructure.substeps=3"
-    ):
+    with pytest.raises(InputError, match=r"takes 160 % .*; without its integration .* 20 %: .*substeps=3 would do"):
         checked(0.2, 1.4, 1)
     with pytest.raises(InputError, match=r"takes 170 % .* is allowed; fewer stories"):
         checked(0.7, 1.0, 1)
+
+
+def test_one_processor_is_not_enough_for_two_things_at_a_time(checked, monkeypatch):
+    monkeypatch.setattr(preflight.os, "sched_getaffinity", lambda process: {0})
+    with pytest.raises(InputError, match=r"substeps: integrates beside the loop, and there is one processor; two are"):
+        checked(0.1, 1.0, 3)
+    found, _ = checked(0.1, 0.1, 1)
+    assert found.cleared

@@ -82,6 +82,7 @@ def test_another_process_leads_to_the_same_bits_test_after_test(changes):
         assert process.count == 15
     finally:
         process.close()
+    assert process._process.returncode == 0  # it has ended by itself
 
 
 @pytest.mark.slow

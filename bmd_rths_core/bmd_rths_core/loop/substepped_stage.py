@@ -28,13 +28,36 @@ class Integrated(Protocol):
         """Return to rest before step 0."""
 
     def step(self, ground_acceleration: float, feedback_force: float) -> NumericalResponse:
-        """Advance to the next target, with the loads there [m/s², N]."""
+        """Advance to the next target.
+
+        Parameters
+        ----------
+        ground_acceleration, feedback_force : float
+            Loads there [m/s², N].
+
+        Returns
+        -------
+        NumericalResponse
+            Interface response there. The first call is target 0, at rest.
+        """
 
     def correct(self, force: float) -> None:
-        """Add to the shear at the last target what was not known when it was computed [N]."""
+        """Make good a shear that was not known when its target was computed.
+
+        Parameters
+        ----------
+        force : float
+            What the shear at the last target was more than was given [N].
+        """
 
     def correction(self) -> FloatArray:
-        """Return what `correct` adds to the targets per newton, shape (2n + 1,), as `next_target` has them."""
+        """Return what `correct` changes per newton.
+
+        Returns
+        -------
+        ndarray, shape (2n + 1,)
+            In the order of `next_target`.
+        """
 
 
 class Integration(Protocol):
@@ -61,7 +84,12 @@ class Integration(Protocol):
         """
 
     def target(self) -> FloatArray:
-        """Return the target that was started, as `next_target` has it.
+        """Return the target that was started.
+
+        Returns
+        -------
+        ndarray, shape (2n + 1,)
+            As `next_target` has it.
 
         Raises
         ------
@@ -97,12 +125,24 @@ def next_target(
 
 
 def bytes_of_target(target: FloatArray) -> bytes:
-    """Return a target for another process."""
+    """Return a target for another process.
+
+    Parameters
+    ----------
+    target : ndarray
+        As `next_target` has it.
+    """
     return target.tobytes()
 
 
 def target_of_bytes(data: bytes) -> FloatArray:
-    """Return the target of another process, equal bit for bit."""
+    """Return the target of another process, equal bit for bit.
+
+    Parameters
+    ----------
+    data : bytes
+        Of `bytes_of_target`.
+    """
     return np.frombuffer(data, dtype=np.float64)
 
 

@@ -107,13 +107,26 @@ class NonlinearSubstructure:
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
 
     def correct(self, force: float) -> None:
-        """Add to the shear of the last step what was not known then [N]; the motion is that of the whole shear."""
+        """Make good a shear that was not known when its step was integrated; the motion is that of the whole shear.
+
+        Parameters
+        ----------
+        force : float
+            What the interface shear of the last step was more than was given [N].
+        """
         self._load[:] = 0.0
         self._load[-1] = force
         self._integrator.correct(self._load)
 
     def correction(self) -> NDArray[np.float64]:
-        """Return what `correct` adds per newton: to −restoring force / mass [m/s²], displacements and velocities."""
+        """Return what `correct` changes per newton.
+
+        Returns
+        -------
+        ndarray, shape (2n + 1,)
+            Interface acceleration without what the shear adds at once [m/s² / N], displacements [m/N] and velocities
+            [m/s / N] of the floors.
+        """
         n = len(self._masses)
         velocity = load_matrix(self._parameters)[n : 2 * n, -1]
         damping = -float(self._interface_damping.dot(velocity)) / self._interface_mass

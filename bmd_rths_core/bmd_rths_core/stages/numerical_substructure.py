@@ -150,7 +150,13 @@ class NumericalSubstructure:
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
 
     def correct(self, force: float) -> None:
-        """Add to the shear of the last step what was not known then [N]; the motion is that of the whole shear."""
+        """Make good a shear that was not known when its step was integrated; the motion is that of the whole shear.
+
+        Parameters
+        ----------
+        force : float
+            What the interface shear of the last step was more than was given [N].
+        """
         stacked, state = self._stacked, self._state
         n = len(state)
         state += force * self._transition[:, n + 3]
@@ -158,7 +164,14 @@ class NumericalSubstructure:
         stacked[n + 1] += force
 
     def correction(self) -> NDArray[np.float64]:
-        """Return what `correct` adds per newton: to −restoring force / mass [m/s²], displacements and velocities."""
+        """Return what `correct` changes per newton.
+
+        Returns
+        -------
+        ndarray, shape (2n + 1,)
+            Interface acceleration without what the shear adds at once [m/s² / N], displacements [m/N] and velocities
+            [m/s / N] of the floors.
+        """
         motion = self._transition[:, len(self._state) + 3]
         return np.concatenate(((-float(self._restoring.dot(motion)) / self._interface_mass,), motion))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import statistics
 import time
 from collections.abc import Sequence
@@ -66,36 +67,54 @@ def _too_slow(config: Config, cost: float) -> list[str]:
 
     A share of each step has to be left for middleware, network and table.
     """
-    from bmd_rths_core.integration.substeps import LARGEST_SHARE, WARNED_SHARE, substeps_for
-    from bmd_rths_core.run_config import LONGEST_STEP
-    from bmd_rths_nodes.doctor.finding import GOOD, PROBLEM
-    from bmd_rths_nodes.doctor.integration import integration_time, judged
+    from bmd_rths_core.integration.substeps import LARGEST_SHARE, WARNED_SHARE
+    from bmd_rths_nodes.doctor.integration import integration_time
 
     substeps, time_step = config.numerical_substructure.substeps, config.run.time_step
-    integration = integration_time(config) if config.compensator.control is None else 0.0
-    problems = []
+    problems, integration = [], 0.0
+    if config.compensator.control is None and (substeps > 1 or cost > WARNED_SHARE * time_step):
+        integration = integration_time(config)
     if substeps > 1:
-        cost = max(0.0, cost - integration / substeps)  # it is computed beside the loop
-        level, found, advice = judged(config, integration)
-        if level == PROBLEM:
-            problems.append(f"numerical_substructure.substeps: {found}; {advice}")
-        elif level != GOOD:
-            log(f"warning: numerical_substructure.substeps: {found}; {advice}")
-    share = cost / time_step
-    if share > WARNED_SHARE:
-        told = f"computing a step takes {100.0 * share:.0f} % of run.time_step, {time_step:g} s"
-        others = cost if substeps > 1 else cost - integration
-        enough = substeps_for(integration, time_step, LONGEST_STEP) if others <= WARNED_SHARE * time_step else None
-        if substeps == 1 and integration > 0.0 and enough is not None:
-            told += f", without its integration {100.0 * others / time_step:.0f} %"
-            advice = f"numerical_substructure.substeps={max(2, enough)} would do"
-        else:
-            advice = "fewer stories, a compensator with fewer states or a longer step leave more time"
-        if share > LARGEST_SHARE:
+        problems = _too_slow_beside(config, integration)
+        cost = max(0.0, cost - integration / substeps)  # the prediction has computed it within the loop
+        integration = 0.0
+    if cost > WARNED_SHARE * time_step:
+        told = f"computing a step takes {100.0 * cost / time_step:.0f} % of run.time_step, {time_step:g} s"
+        advice = _advice(cost - integration, integration, time_step)
+        if cost > LARGEST_SHARE * time_step:
             problems.append(f"{told}; at most {100.0 * LARGEST_SHARE:g} % is allowed; {advice}")
         else:
             log(f"warning: {told}; {advice}")
     return problems
+
+
+def _too_slow_beside(config: Config, integration: float) -> list[str]:
+    """Return why an integration of some duration [s] is not in time beside the loop; warn where it hardly is."""
+    from bmd_rths_nodes.doctor.finding import GOOD, PROBLEM
+    from bmd_rths_nodes.doctor.integration import judged
+
+    name = "numerical_substructure.substeps"
+    level, found, advice = judged(config, integration)
+    problems = [f"{name}: {found}; {advice}"] if level == PROBLEM else []
+    if level not in (GOOD, PROBLEM):
+        log(f"warning: {name}: {found}; {advice}")
+    if len(os.sched_getaffinity(0)) == 1:
+        problems.append(f"{name}: integrates beside the loop, and there is one processor; two are required")
+    return problems
+
+
+def _advice(others: float, integration: float, time_step: float) -> str:
+    """Return what helps a step whose integration, which may be none of its own, and all else take so long [s]."""
+    from bmd_rths_core.integration.substeps import WARNED_SHARE, substeps_for
+    from bmd_rths_core.run_config import LONGEST_STEP
+
+    enough = substeps_for(integration, time_step, LONGEST_STEP)
+    if integration == 0.0 or enough is None or others > WARNED_SHARE * time_step:
+        return "fewer stories, a compensator with fewer states or a longer step leave more time"
+    share = 100.0 * others / time_step
+    return (
+        f"without its integration it would be {share:.0f} %: numerical_substructure.substeps={max(2, enough)} would do"
+    )
 
 
 def _cost_of_a_step(marks: Sequence[tuple[int, float]]) -> float:

@@ -94,7 +94,7 @@ class IntegrationProcess:
         os.set_blocking(self._output, False)
         told = json.dumps(config.as_mapping()).encode()
         with contextlib.suppress(BrokenPipeError):  # `reset` finds out
-            self._process.stdin.write(struct.pack("<q", len(told)) + told)
+            _write(self._input, struct.pack("<q", len(told)) + told)
 
     def close(self) -> None:
         """End the process."""
@@ -191,13 +191,17 @@ def serve(make: Callable[[Config], Integrated] = make_numerical_substructure) ->
             _to_rest(model, mass, ground)
         else:
             target = bytes_of_target(next_target(model, mass, correction, ground, force))
-        answer = _ANSWERED.pack(asked, time.perf_counter()) + target
         try:
-            while answer:
-                answer = answer[os.write(sys.stdout.fileno(), answer) :]
+            _write(sys.stdout.fileno(), _ANSWERED.pack(asked, time.perf_counter()) + target)
         except BrokenPipeError:
             break
     return 0
+
+
+def _write(pipe: int, data: bytes) -> None:
+    """Write all of it, however many pieces that takes."""
+    while data:
+        data = data[os.write(pipe, data) :]
 
 
 def _to_rest(model: Integrated, mass: float, ground: float) -> None:
