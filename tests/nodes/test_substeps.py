@@ -125,13 +125,19 @@ def test_a_process_that_has_gone_ends_the_test_and_gives_no_other(slow):
 @pytest.mark.slow
 def test_simulation_lockstep_and_real_time_are_equal_bit_for_bit(bmd_rths, tmp_path):
     pairs = (
-        *("run.time_step=0.02", "ground_motion.duration=2.0", "run.preflight=skip", "run.longest_miss_time=2.0"),
+        *(
+            "run.time_step=0.02",
+            "ground_motion.duration=2.0",
+            "run.preflight=skip",
+            "run.settling_time=0.0",
+            "run.longest_miss_time=2.0",
+        ),
         *("numerical_substructure.stiffnesses=[1e6]", "numerical_substructure.substeps=4"),
         *("command_shaper.lead_time=0.02", "force_correction.feedback_scale=0.3", "safety.stuck_time=1.0"),
     )
     set_ = [word for pair in pairs for word in ("--set", pair)]
     records = []
-    for command in (("simulate",), ("run", "--lockstep"), ("run", "--composed")):
+    for command in (("simulate",), ("run", "--composed", "--lockstep"), ("run", "--composed")):
         result = bmd_rths(command[0], CONFIG, *command[1:], *set_, "--json", "--output", str(tmp_path)).wait()
         assert result.status == 0, result.errors
         records.append(read_bag(json.loads(result.output)["bag"]))
@@ -149,16 +155,19 @@ def test_simulation_lockstep_and_real_time_are_equal_bit_for_bit(bmd_rths, tmp_p
 @pytest.mark.slow
 def test_an_integration_that_is_late_brings_the_table_to_rest(start, slow, domain, monkeypatch, tmp_path):
     """Composed nodes over UDP: warned of from 60 % on, and ended at the hand-over, with one line."""
-    monkeypatch.setenv(slow_integration.VARIABLE, "30:0.0125,60:0.05")
+    monkeypatch.setenv(slow_integration.VARIABLE, "10:0.05,20:0.2")
     with ArrivalController(0.5e-3) as controller:
         patient = [pair.split("=") for pair in PATIENT if "preflight" not in pair]
         config = STEPPED.changed(
+            run__time_step=0.02,
+            numerical_substructure__stiffnesses=[1e6],
+            safety__stuck_time=1.0,
             run__scheme="uc",
             run__record=False,
             run__settling_time=0.0,
             table__controller="udp",
             table__address=controller.address,
-            ground_motion__duration=6.0,
+            ground_motion__duration=4.0,
             **{name.replace(".", "__"): float(value) for name, value in patient},
         )
         file = tmp_path / "slow.yaml"
@@ -168,11 +177,11 @@ def test_an_integration_that_is_late_brings_the_table_to_rest(start, slow, domai
         result = start("-c", code, *parameters).wait()
         assert result.status == 1, result.errors
         told = result.output + result.errors
-        assert "failed: numerical_substructure.substeps: an integration was not there after 15 ms, 75 % of its" in told
+        assert "failed: numerical_substructure.substeps: an integration was not there after 60 ms, 75 % of its" in told
         counts = re.search(r"(\d+) of (\d+) integrations took 60 % of their steps or more, the longest", told)
         assert counts, told
-        assert 1 <= int(counts[1]) <= int(counts[2]) - 29
-        assert int(counts[2]) <= 59
+        assert 1 <= int(counts[1]) <= int(counts[2]) - 9
+        assert int(counts[2]) <= 19
         assert "Traceback" not in told
         at_rest(controller)
-        never_in_bursts(controller, 4 * 60)
+        never_in_bursts(controller, 4 * 20)
