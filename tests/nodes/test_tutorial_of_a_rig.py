@@ -41,6 +41,7 @@ def test_the_page_goes_through_every_step():
         assert option in text, option
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_its_commands_run_as_they_stand(tmp_path, monkeypatch):
     """One script, in which the first command that fails ends it; the file is never edited."""

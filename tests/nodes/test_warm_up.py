@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-#: Processor time a log call may take on a busy machine [s]; a step has 5 ms.
-ALLOWED = 0.004
+#: Calls that a log call may make: with so many it takes less than a millisecond, and a step has 5.
+ALLOWED = 2000
 
 
 def test_the_first_log_call_does_not_stall_the_loop(start):
@@ -14,7 +14,7 @@ def test_the_first_log_call_does_not_stall_the_loop(start):
         assert result.status == 0, result.errors
         assert result.errors.count("table is stopped") == 3, result.errors  # the warm-up itself says nothing
         assert len(result.errors.splitlines()) == 3, result.errors
-        first[kind], *further = [float(line) for line in result.output.split()]
+        first[kind], *further = [int(line) for line in result.output.split()]
         assert max(further) < ALLOWED, kind
     assert first["warm"] < ALLOWED
-    assert first["cold"] > 2.0 * ALLOWED  # otherwise rclpy has mended it, and the warm-up can go
+    assert first["cold"] > 10 * ALLOWED  # otherwise rclpy has mended it, and the warm-up can go

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import csd, welch
 
 from bmd_rths_core.errors import InputError
 
@@ -99,6 +98,8 @@ def estimate_frequency_response(
             f"{segment_duration:g} s; {needed * time_step:g} s and more are required"
         )
     settings = {"fs": 1.0 / time_step, "window": "hann", "nperseg": length, "noverlap": round(_OVERLAP * length)}
+    from scipy.signal import csd, welch  # takes more than a second; a fit of what was measured does without
+
     frequency, of_excitation = welch(x, **settings)
     if not of_excitation.any():
         raise InputError("frequency response: the excitation is zero")

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal.windows import tukey
 
 from bmd_rths_core.identification.excited_table import Responses
 from bmd_rths_core.identification.frequency_response import ComplexArray, FloatArray, hold
@@ -172,6 +171,8 @@ class _Lines:
         self.accelerations = spectra[:, 1:]
         # White noise of unit variance has this power in a line.
         length = len(responses.command)
+        from scipy.signal.windows import tukey  # as in `frequency_response`
+
         self._window = tukey(length, min(1.0, 2.0 * TAPER / (length * responses.time_step)))
         self.power = float(np.sum(self._window**2))
         self.unit = float(np.sqrt(self.power))

@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.signal.windows import tukey
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.identification.frequency_response import (
@@ -101,6 +99,8 @@ class SpectralLines:
             Lines without weight stay so.
         """
         squares = np.abs(self.weight * (self.response - model)) ** 2
+        from scipy.ndimage import uniform_filter1d  # as in `frequency_response`
+
         used = uniform_filter1d((self.weight > 0.0).astype(float), _NOISE_LINES, axis=0)
         mean = uniform_filter1d(squares, _NOISE_LINES, axis=0) / np.maximum(used, 1.0 / _NOISE_LINES)
         size = np.sqrt(np.maximum(mean, 1e-6 * squares.mean()))
@@ -183,6 +183,8 @@ def spectral_lines(
     coherence = np.maximum(_interpolate(frequencies, averaged.frequencies, averaged.coherence), 1e-6)
     explained = _interpolate(frequencies, averaged.frequencies, np.abs(averaged.response))
     # Where the excitation has less power than its neighbourhood, the same noise is a larger part of the ratio.
+    from scipy.ndimage import uniform_filter1d  # as in `frequency_response`
+
     noise = np.sqrt((1.0 - coherence) / coherence * uniform_filter1d(power, width, axis=0) / power)
     floor = 1e-6 * np.max(explained, axis=0)  # a record without noise has lines of equal weight
     weight = np.where(coherence >= LEAST_COHERENCE, 1.0 / np.maximum(explained * noise, floor), 0.0)
@@ -210,6 +212,8 @@ def tapered_transform(
     transforms : ndarray of complex, shape (n, m)
     """
     length = len(signals)
+    from scipy.signal.windows import tukey  # as in `frequency_response`
+
     window = tukey(length, min(1.0, 2.0 * TAPER / (length * time_step)))
     frequencies = 2.0 * np.pi * np.fft.rfftfreq(length, time_step)
     inside = (frequencies >= averaged.frequencies[0]) & (frequencies <= averaged.frequencies[-1])

@@ -49,7 +49,7 @@ def read_configuration(node: Node) -> Config:
     config = config_from_mapping(mapping)
     if config.simulated_table.dynamics != "measured" or config.simulated_table.sections:
         return config
-    from bmd_rths_core.identification.measured_table import with_fitted_table  # few have to wait for scipy.signal
+    from bmd_rths_core.identification.measured_table import with_fitted_table  # few have to wait for it
 
     return with_fitted_table(config)
 
