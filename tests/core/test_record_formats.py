@@ -244,6 +244,19 @@ def test_end_of_a_dos_file_is_passed_over(record) -> None:
     assert read_ground_motion(record(knet() + b"\x1a")).steps == len(TIME)
 
 
+@pytest.mark.parametrize("blank", [b"\x1c", b"\x1d", b"\x1e", b"\x1f"])
+def test_control_character_that_is_a_blank_is_one(record, blank: bytes) -> None:
+    """Not to `float`, which found it in front of a number."""
+    sample = SAMPLES["JMA CSV"]
+    (name, *_) = sample.names
+    lines = sample.content.split(b"\n")
+    place = max(i for i, line in enumerate(lines) if line.strip())
+    lines[place] = blank + lines[place]
+    read = read_ground_motion(record(b"\n".join(lines)), name, sample.unit)
+    expected = read_ground_motion(record(sample.content), name, sample.unit)
+    np.testing.assert_array_equal(read.acceleration, expected.acceleration)
+
+
 def test_text_without_a_header_is_refused(record) -> None:
     message = refusal(record(b"-.6403182E-02\n-.6028715E-02\n.5304162E-03\n"))
     assert message.startswith("the file states no unit and no time step; ground_motion.unit must give it")

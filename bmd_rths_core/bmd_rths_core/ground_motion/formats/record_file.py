@@ -29,9 +29,11 @@ _SEPARATOR = re.compile(r"[\s,]+|(?<=[0-9.])(?=[+-])")
 # A line of ordinary numbers, which nearly all are, by what stands between them: read as a whole it takes a fifth of the
 # time. Nothing in it can match in two ways, so that a line that is something else is left quickly.
 _PLAIN_NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[Ee][+-]?[0-9]+)?"
+# Four control characters are blanks to everybody but `float`.
+_SPACE = r"[^\S\x1c-\x1f]"
 _PLAIN_LINE = {
-    separator: re.compile(rf"\s*{_PLAIN_NUMBER}(?:{between}{_PLAIN_NUMBER})*\s*")
-    for separator, between in ((None, r"\s+"), (",", r"\s*,\s*"))
+    separator: re.compile(rf"{_SPACE}*{_PLAIN_NUMBER}(?:{between}{_PLAIN_NUMBER})*{_SPACE}*")
+    for separator, between in ((None, rf"{_SPACE}+"), (",", rf"{_SPACE}*,{_SPACE}*"))
 }
 # "0,0050 -0,0123": numbers with decimal commas, which are not two numbers each
 _DECIMAL_COMMAS = re.compile(
