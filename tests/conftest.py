@@ -59,6 +59,12 @@ def ground_motion_folder() -> Path:
     return Path(os.environ.get("BMD_RTHS_GROUND_MOTIONS", beside_the_repository))
 
 
+def needs(record: Path) -> pytest.MarkDecorator:
+    """Return the mark of a test with real records, which is skipped where they are not."""
+    reason = f"no {record}: real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder"
+    return pytest.mark.skipif(not record.exists(), reason=reason)
+
+
 def made_once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
     """Return a folder that is made by whichever worker of pytest-xdist comes first; the others wait for it.
 

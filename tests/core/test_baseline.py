@@ -7,7 +7,7 @@ from scipy.signal import butter, sosfiltfilt
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion import GroundMotion, high_pass, read_ground_motion, scale_time
 from bmd_rths_core.ground_motion.config import GroundMotionConfig, prepare_ground_motion, select_ground_motion
-from tests.conftest import ground_motion_folder
+from tests.conftest import ground_motion_folder, needs
 
 STEP = 0.01
 #: KiK-net record of Kumamoto that has its offset in it.
@@ -58,9 +58,7 @@ def test_an_offset_no_longer_becomes_a_drift():
     assert corrected[-1] == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.skipif(
-    not KUMAMOTO.exists(), reason="real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder"
-)
+@needs(KUMAMOTO)
 def test_a_real_record_that_drifts_comes_back_to_rest():
     record = read_ground_motion(str(KUMAMOTO))
     assert np.abs(displacement_of(record)).max() > 1.0

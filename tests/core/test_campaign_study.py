@@ -13,7 +13,7 @@ from bmd_rths_core.config import Config
 from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion.config import select_ground_motion
 from bmd_rths_core.loop.rths_loop import RthsLoop
-from tests.conftest import ground_motion_folder
+from tests.conftest import ground_motion_folder, needs
 from tests.core.record_samples import SAMPLES
 
 CSV = "time_s,acceleration_g\n" + "".join(f"{0.01 * i:.2f},{0.1 * np.sin(0.3 * i):.6f}\n" for i in range(60))
@@ -201,10 +201,7 @@ def test_event_is_recognised_by_folder_or_file(path, event):
     assert event_of(path) == event
 
 
-@pytest.mark.skipif(
-    not ground_motion_folder().is_dir(),
-    reason="real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder",
-)
+@needs(ground_motion_folder())
 def test_real_records_stand_for_every_event_of_the_paper():
     assert {event_of(path.as_posix()) for path in ground_motion_folder().glob("*/*")} >= set(EVENTS)
 

@@ -20,14 +20,12 @@ from bmd_rths_core.ground_motion import (
     read_ground_motion,
     shipped_records,
 )
-from tests.conftest import ground_motion_folder
+from tests.conftest import ground_motion_folder, needs
 
 FOLDER = ground_motion_folder()
 READ_SUFFIXES = (".at2", ".csv")
 
-needs_records = pytest.mark.skipif(
-    not FOLDER.is_dir(), reason=f"no real records in {FOLDER}; BMD_RTHS_GROUND_MOTIONS can name another folder"
-)
+needs_records = needs(FOLDER)
 
 
 def index_rows(index: str) -> list[dict[str, str]]:

@@ -9,11 +9,11 @@ from bmd_rths_core.errors import InputError
 from bmd_rths_core.ground_motion import read_ground_motion
 from bmd_rths_core.ground_motion.catalogue import catalogue, record_files
 from bmd_rths_core.ground_motion.intensity import peak_velocity
-from tests.conftest import ground_motion_folder
+from tests.conftest import ground_motion_folder, needs
 from tests.core.test_record_formats import refusal
 
 FOLDER = ground_motion_folder() / "formats"
-needs_records = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no real records in {FOLDER}")
+needs_records = needs(FOLDER)
 
 #: File, component, time step [s], points; peak [m/s²] and its digit, as the index or the file's own header give them.
 REAL = (

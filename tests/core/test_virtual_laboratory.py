@@ -16,7 +16,7 @@ from bmd_rths_core.config import Config, load_config
 from bmd_rths_core.stability.analysed_loops import AnalysisOptions, paper_loop
 from bmd_rths_core.stability.assessment import assess
 from bmd_rths_core.stability.models import simulated_table
-from tests.conftest import ground_motion_folder
+from tests.conftest import ground_motion_folder, needs
 
 LABORATORY = load_config(Path(__file__).parents[2] / "config" / "simplified_bmd.yaml")
 INDEX = ground_motion_folder() / "INDEX.csv"
@@ -57,9 +57,7 @@ def records_of_the_paper():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not INDEX.exists(), reason="real records belong to their agencies; BMD_RTHS_GROUND_MOTIONS names their folder"
-)
+@needs(INDEX)
 def test_tables_2_and_3_come_near_those_of_the_paper(tmp_path):
     """Order of Table 2 in 11 of 13 records, all eight means within 15 points, no run ended by a limit."""
     records = tmp_path / "records.csv"
