@@ -141,8 +141,8 @@ class _LaneLoop:
         self._late_force = at_begin.force
 
 
-def reference_response(case: int, ground: FloatArray) -> FloatArray:
-    """Return the displacements of the floors of the building without partition, integrated as the loop is.
+def reference_motion(case: int, ground: FloatArray) -> FloatArray:
+    """Return the motion of the building without partition, integrated as the loop is.
 
     Parameters
     ----------
@@ -153,36 +153,9 @@ def reference_response(case: int, ground: FloatArray) -> FloatArray:
 
     Returns
     -------
-    ndarray, shape (N, 3)
-        [m].
+    ndarray, shape (N, 6)
+        Displacements of the floors [m], then their velocities [m/s].
     """
-    return _reference_states(case, ground)[:, :3]
-
-
-def required_force(case: int, ground: FloatArray) -> float:
-    """Return the largest force that the nominal specimen needs for the motion of the building without partition [N].
-
-    Parameters
-    ----------
-    case : int
-        Building.
-    ground : ndarray, shape (N,)
-        a_g at the steps [m/s²].
-
-    Returns
-    -------
-    float
-        m_E ẍ + c_E ẋ + k_E x of its first floor: no compensator can follow what is beyond the limit of the actuator.
-    """
-    a, b = reference_building(case).motion()
-    states = _reference_states(case, ground)
-    acceleration = states @ a[3] + b[3, 0] * ground
-    force = SPECIMEN_MASS * acceleration + NOMINAL.specimen_damping * states[:, 3]
-    return float(np.max(np.abs(force + NOMINAL.specimen_stiffness * states[:, 0])))
-
-
-def _reference_states(case: int, ground: FloatArray) -> FloatArray:
-    """Return displacements and velocities of the floors of the building without partition, shape (N, 6)."""
     building: Building = reference_building(case)
     a, b = building.motion()
     step = runge_kutta_4(a, b[:, :1], TIME_STEP)
@@ -191,3 +164,24 @@ def _reference_states(case: int, ground: FloatArray) -> FloatArray:
     system = DiscreteStateSpace(step.phi, step.phi @ step.gamma_1 + step.gamma_0, seen, seen @ step.gamma_1)
     simulation = LinearSimulation(system, -step.gamma_1 * ground[0])
     return np.asarray(simulation.advance(ground[:, None])[0].T)
+
+
+def required_force(case: int, ground: FloatArray, motion: FloatArray) -> float:
+    """Return the largest force that the nominal specimen needs for the motion of the building without partition [N].
+
+    Parameters
+    ----------
+    case, ground
+        As `reference_motion` takes them.
+    motion : ndarray, shape (N, 6)
+        What it returned.
+
+    Returns
+    -------
+    float
+        m_E ẍ + c_E ẋ + k_E x of its first floor: no compensator can follow what is beyond the limit of the actuator.
+    """
+    a, b = reference_building(case).motion()
+    acceleration = motion @ a[3] + b[3, 0] * ground
+    force = SPECIMEN_MASS * acceleration + NOMINAL.specimen_damping * motion[:, 3]
+    return float(np.max(np.abs(force + NOMINAL.specimen_stiffness * motion[:, 0])))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bmd_rths_core.ground_motion.motion import GroundMotion
 from bmd_rths_core.vrths.criteria import CRITERIA, criteria
-from bmd_rths_core.vrths.loop import reference_response, required_force, run_lanes
+from bmd_rths_core.vrths.loop import reference_motion, required_force, run_lanes
 from bmd_rths_core.vrths.problem import (
     CHIRP_AMPLITUDE,
     CHIRP_DURATION,
@@ -157,7 +157,8 @@ def run_piece(piece: BenchmarkPiece) -> FinishedPiece:
     tracker = make_tracker(piece.scheme, piece.case, len(plants))
     ground = piece.motion.acceleration
     found = run_lanes(piece.case, plants, tracker, ground, seeds)
-    reference, required = reference_response(piece.case, ground), required_force(piece.case, ground)
+    whole = reference_motion(piece.case, ground)
+    reference, required = whole[:, :3], required_force(piece.case, ground, whole)
     runs = []
     for lane in range(len(plants)):
         motion, measured = found.displacement[:, :, lane], found.measured[:, lane]
