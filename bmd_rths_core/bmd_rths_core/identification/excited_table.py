@@ -136,6 +136,7 @@ def drive(
         if centring is not None:
             command = centring.corrected(begun.step, command, supervisor.motion)
         driver.command(begun.step, command, time.now())
+        conductor.passed_on(driver.sent_at)
 
     def on_measurement(measured: TableMeasurement) -> None:
         nonlocal signals, answered

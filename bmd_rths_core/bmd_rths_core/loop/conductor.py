@@ -182,24 +182,21 @@ class Conductor:
                 self._on_due(now)
         return min(self._due, self._look_due)
 
-    def passed_on(self, at: float) -> float:
+    def passed_on(self, at: float) -> None:
         """Take note of when the last command went out: one that was held up since its tick moves the schedule, too.
+
+        For a host that computes nothing between the two: one that does is as late at every command, and keeps its
+        period.
 
         Parameters
         ----------
         at : float
             Time [s]; that of an earlier command changes nothing.
-
-        Returns
-        -------
-        float
-            When to call `poll` again at the latest.
         """
         runs = self.state is NodeState.RUNNING and not self._lockstep
         if runs and self._due - at < (1.0 - LATEST_TICK) * self._time_step:
             self.deadlines.late_ticks += 1
             self._due = at + self._time_step
-        return min(self._due, self._look_due)
 
     def hear(self, peer: Peer, now: float) -> None:
         """Take note of what a peer says of itself.

@@ -94,8 +94,7 @@ def run_to_rest(
     try:
         driver.arm()
         while True:
-            conductor.poll(clock.now())
-            due = conductor.passed_on(driver.sent_at)
+            due = conductor.poll(clock.now())
             due = min(due, driver.poll(clock.now()))  # the stages have taken time
             now = clock.now()
             if conductor.state is not NodeState.ENDED:

@@ -107,26 +107,13 @@ class NonlinearSubstructure:
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
 
     def correct(self, force: float) -> None:
-        """Make good a shear that was not known when its step was integrated; the motion is that of the whole shear.
-
-        Parameters
-        ----------
-        force : float
-            What the interface shear of the last step was more than was given [N].
-        """
+        """Add to the shear at the last target what was not known when it was computed."""
         self._load[:] = 0.0
         self._load[-1] = force
         self._integrator.correct(self._load)
 
     def correction(self) -> NDArray[np.float64]:
-        """Return what `correct` changes per newton.
-
-        Returns
-        -------
-        ndarray, shape (2n + 1,)
-            Interface acceleration without what the shear adds at once [m/s² / N], displacements [m/N] and velocities
-            [m/s / N] of the floors.
-        """
+        """Return what `correct` changes per newton."""
         n = len(self._masses)
         velocity = load_matrix(self._parameters)[n : 2 * n, -1]
         damping = -float(self._interface_damping.dot(velocity)) / self._interface_mass

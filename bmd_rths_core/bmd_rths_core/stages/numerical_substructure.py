@@ -150,13 +150,7 @@ class NumericalSubstructure:
         return NumericalResponse(acceleration, self._interface_mass * acceleration + restoring)
 
     def correct(self, force: float) -> None:
-        """Make good a shear that was not known when its step was integrated; the motion is that of the whole shear.
-
-        Parameters
-        ----------
-        force : float
-            What the interface shear of the last step was more than was given [N].
-        """
+        """Add to the shear at the last target what was not known when it was computed."""
         stacked, state = self._stacked, self._state
         n = len(state)
         state += force * self._transition[:, n + 3]
@@ -164,14 +158,7 @@ class NumericalSubstructure:
         stacked[n + 1] += force
 
     def correction(self) -> NDArray[np.float64]:
-        """Return what `correct` changes per newton.
-
-        Returns
-        -------
-        ndarray, shape (2n + 1,)
-            Interface acceleration without what the shear adds at once [m/s² / N], displacements [m/N] and velocities
-            [m/s / N] of the floors.
-        """
+        """Return what `correct` changes per newton."""
         motion = self._transition[:, len(self._state) + 3]
         return np.concatenate(((-float(self._restoring.dot(motion)) / self._interface_mass,), motion))
 
