@@ -75,7 +75,9 @@ def test_motion_that_no_actuator_of_the_problem_can_follow_is_told(run_main, tmp
     words = f"pulse, building 2: its motion without partition needs {run['required_force']:.0f} N, more than the 8900 N"
     assert words in errors
     with open("out/report.html", encoding="utf-8") as file:
-        assert words in file.read()
+        page = file.read()
+    assert words in page
+    assert "The actuator was at its force limit in 1 of 1 tests." in page
 
 
 def test_table_is_shown(run_main, record):

@@ -193,6 +193,8 @@ class Summary(NamedTuple):
         Of the nominal plant [%].
     required_force : float
         See `required_force` [N].
+    limited : int
+        Plants whose actuator was at its force limit.
     """
 
     motion: str
@@ -204,6 +206,7 @@ class Summary(NamedTuple):
     perturbed: int
     noise_floor: float
     required_force: float
+    limited: int
 
     @property
     def infeasible(self) -> str:
@@ -228,5 +231,6 @@ def summarise(runs: Sequence[Mapping[str, Any]]) -> Summary:
     mean = {name: float(np.mean([run[name] for run in others])) for name in CRITERIA} if others else {}
     worst = {name: max(run[name] for run in others) for name in CRITERIA} if others else {}
     nominal = {name: first[name] for name in CRITERIA}
-    of_motion = first["noise_floor"], first["required_force"]
-    return Summary(first["motion"], first["scheme"], first["case"], nominal, mean, worst, len(others), *of_motion)
+    limited = sum(run["force_limited"] for run in runs)
+    known = first["noise_floor"], first["required_force"], limited
+    return Summary(first["motion"], first["scheme"], first["case"], nominal, mean, worst, len(others), *known)
