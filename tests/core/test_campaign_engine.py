@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bmd_rths_core.campaign.engine import SelectedMotion, run_motions
@@ -13,6 +13,7 @@ from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.stability.discrete import discrete_margin, with_mass_ratio
 from bmd_rths_core.stability.models import EQUATION_9
 from tests.conftest import WITHOUT_LIMITS, examples
+from tests.core.mpic_parts import exact
 
 DT = 0.005
 TABLES = {
@@ -169,8 +170,20 @@ def test_braking_that_the_acceleration_limit_slows_is_foreseen(displacement, ste
     assert "safety.displacement_limit" in record.reason
 
 
+@pytest.mark.parametrize(("limit", "allowed"), [("force", 1e4), ("tracking", 0.9)])
+@pytest.mark.parametrize("config", [Config(), exact()], ids=["shaper", "control"])
+def test_limit_that_is_passed_on_the_way_to_rest_is_told(config, limit, allowed):
+    """The way is steeper than the test. Runs that end sooner and later have ways of their own."""
+    ramp = {"safety__ramp_acceleration": 5.0, "safety__ramp_jerk": 500.0, f"safety__{limit}_limit": allowed}
+    motions = [selected(steps, frequency=1.0, peak=peak) for steps, peak in ((400, 0.3), (400, 1e-3), (300, 0.2))]
+    steep, *_ = assert_equal_to_the_loop(config.changed(**ramp), motions, engine="linear or stages")
+    assert steep.outcome == "finished"
+    assert f"on the way to rest: safety.{limit}_limit" in steep.reason
+
+
 @pytest.mark.slow
 @settings(max_examples=examples(25), deadline=None)
+@example(scheme="uc", frequency=1.0, peak=0.023, strictness=0.0215, ramp_acceleration=1.0, ramp_jerk=50.0)
 @given(
     scheme=st.sampled_from(["uc", "fc", "plc", "plc_fc"]),
     frequency=st.floats(0.3, 20.0),

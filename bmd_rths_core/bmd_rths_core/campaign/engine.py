@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bmd_rths_core.analysis.numerical_motion import peak_drifts
-from bmd_rths_core.campaign.limits import BOUNDED, LimitBounds, SignalChunk
+from bmd_rths_core.campaign.limits import BOUNDED, SENSED, LimitBounds, SignalChunk, in_rows
 from bmd_rths_core.config import Config
 from bmd_rths_core.ground_motion.config import GroundMotionConfig
 from bmd_rths_core.ground_motion.motion import GroundMotion
+from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.integration.linear_simulation import LinearSimulation
 from bmd_rths_core.loop.closed_loop import closed_loop, has_matrices
+from bmd_rths_core.loop.linear_loop import sensor_noise
 from bmd_rths_core.loop.rths_loop import RthsLoop
 from bmd_rths_core.record import RunRecord, empty_signals, provenance
 from bmd_rths_core.table.models.sensors import noise_streams
+from bmd_rths_core.table.models.simulated import SimulatedTable
 
 FloatArray = NDArray[np.float64]
 
@@ -50,7 +53,7 @@ class CampaignRun(NamedTuple):
         The run, as `RthsLoop` gives it.
     engine : str
         ``"linear"``: as one linear system, equal to `RthsLoop` but for rounding; ``"stages"``: by `RthsLoop`, as every
-        run that a limit ends.
+        run that passes a limit, be it on its way to rest.
     spectral_radius : float
         Of the linear loop; NaN where there is none.
     peak_drifts : tuple of float
@@ -110,6 +113,9 @@ class _LinearGroup:
     def __init__(self, config: Config, motions: Sequence[GroundMotion]) -> None:
         self._config, self._motions = config, motions
         self._loop = closed_loop(config, displacement=True)
+        specimen, seed = config.specimen.building(), config.run.seed
+        self._table = SimulatedTable(config.simulated_table, specimen, config.run.time_step, seed)
+        self._noise = _Noise(config)
         self._rows = {name: row for row, name in enumerate(self._loop.outputs)}
         self._floors = slice(self._rows["floor_1"], self._rows["base_shear"])
         self._displacements = slice(self._rows["displacement_1"], None)
@@ -123,22 +129,22 @@ class _LinearGroup:
         steps = np.array([motion.steps for motion in self._motions])
         simulation = LinearSimulation(self._loop.system, self._loop.start @ self._first())
         bounds = LimitBounds(self._config, len(active))
-        random, drive_random = noise_streams(self._config.run.seed)
         begin = 0
         while len(active):
-            length = min(_CHUNK, int(steps[active].max()) - begin)
-            noise = random.standard_normal((length, self._loop.system.b.shape[1] - 3))
-            noise = np.hstack((noise, drive_random.standard_normal((length, 2))))
-            outputs = simulation.advance(self._ground(active, begin, length), noise)
+            length = min(_CHUNK, int(steps[active].min()) - begin)
+            outputs = simulation.advance(self._ground(active, begin, length), self._noise.of(begin, length))
             for i, output in zip(active, outputs, strict=True):
                 kept = self._outputs[i][:, begin : begin + length]
-                kept[:] = output[:, : kept.shape[1]]
+                kept[:] = output
                 drifts = np.abs(np.diff(kept[self._displacements], axis=0, prepend=0.0))
                 self._drifts[i] = np.maximum(self._drifts[i], drifts.max(axis=1, initial=0.0))
-            near = bounds.touched(self._chunk(np.minimum(steps[active] - begin, length), outputs))
-            touched.update(active[near].tolist())
+            near = bounds.touched(self._chunk(outputs))
             begin += length
-            goes_on = ~near & (steps[active] > begin)
+            ended = ~near & (steps[active] == begin)
+            tables = simulation.state[np.ix_(self._loop.table, ended)]
+            near[ended] = self._touched_on_the_way(bounds, ended, tables, begin)
+            touched.update(active[near].tolist())
+            goes_on = ~near & ~ended
             active = active[goes_on]
             simulation.keep(goes_on)
             bounds.keep(goes_on)
@@ -179,10 +185,49 @@ class _LinearGroup:
             ground[: len(part), column] = part
         return ground
 
-    def _chunk(self, lengths: NDArray[np.intp], outputs: FloatArray) -> SignalChunk:
+    def _chunk(self, outputs: FloatArray) -> SignalChunk:
         signals = {name: outputs[:, self._rows[name]] for name in BOUNDED}
         signals["corrected_force"] = outputs[:, self._rows["acting_force"]]
-        return SignalChunk(lengths, signals, outputs[:, self._displacements])
+        return SignalChunk(signals, outputs[:, self._displacements])
+
+    def _touched_on_the_way(
+        self, bounds: LimitBounds, ended: NDArray[np.bool_], tables: FloatArray, begin: int
+    ) -> NDArray[np.bool_]:
+        """Tell which of the runs that have ended could pass a limit on their way to rest."""
+        ways = bounds.ways_to_rest(ended)
+        steps = max((len(way) for way in ways), default=0)
+        if steps == 0:
+            return np.zeros(len(ways), dtype=bool)
+        table = self._noise.added_to(self._table.state_space(displacement=True))
+        outputs = LinearSimulation(table, tables).advance(in_rows(ways, steps).T, self._noise.of(begin, steps))
+        first = self._rows["table_acceleration"]  # of the sensors, which stand together
+        sensors = {name: outputs[:, self._rows[name] - first] for name in SENSED}
+        return bounds.touched_on_the_way(ended, ways, sensors)
+
+
+class _Noise:
+    """Noise of the sensors, step by step as the simulated table draws it."""
+
+    def __init__(self, config: Config) -> None:
+        self._amplitudes = sensor_noise(config.simulated_table, len(config.specimen.masses))
+        self._random, self._drive_random = noise_streams(config.run.seed)
+        self._drawn = np.zeros((0, len(self._amplitudes)))
+
+    def of(self, begin: int, length: int) -> FloatArray:
+        """Return the noise of some steps, (N, s), in parts of its root mean square."""
+        missing = begin + length - len(self._drawn)
+        if missing > 0:
+            sensors = self._random.standard_normal((missing, len(self._amplitudes) - 2))
+            drives = self._drive_random.standard_normal((missing, 2))
+            self._drawn = np.vstack((self._drawn, np.hstack((sensors, drives))))
+        return self._drawn[begin : begin + length]
+
+    def added_to(self, table: DiscreteStateSpace) -> DiscreteStateSpace:
+        """Return a table with the noise as further inputs."""
+        through = np.diag(self._amplitudes)
+        return table._replace(
+            b=np.hstack((table.b, np.zeros((len(table.a), len(through))))), d=np.hstack((table.d, through))
+        )
 
 
 def _under(config: Config, selected: SelectedMotion) -> Config:

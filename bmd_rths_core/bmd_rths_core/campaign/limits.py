@@ -5,7 +5,7 @@ Nothing is decided here. A run that touches a bound is run whole by `RthsLoop`, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,8 @@ from bmd_rths_core.integration.discretisation import DiscreteStateSpace
 from bmd_rths_core.integration.linear_simulation import LinearSimulation, running_mean
 from bmd_rths_core.loop.build import make_stability_indicator_array
 from bmd_rths_core.safety import Action
-from bmd_rths_core.safety.commanded_motion import LARGEST_MOTION
+from bmd_rths_core.safety.commanded_motion import LARGEST_MOTION, Motion
+from bmd_rths_core.safety.ramp import ramp_commands
 from bmd_rths_core.safety.supervisor import OFFSET_TIME
 
 FloatArray = NDArray[np.float64]
@@ -26,8 +27,10 @@ BoolArray = NDArray[np.bool_]
 _NEAR = 1.0 - 1e-8
 #: Limits with a value that a run in process can pass.
 _LIMITS = ("displacement", "velocity", "acceleration", "increment", "force", "tracking", "stability")
+#: Signals of sensors that have a limit on the way to rest too.
+SENSED = ("table_displacement", "table_acceleration", "actuator_force")
 #: Signals of a `SignalChunk`.
-BOUNDED = (*("command", "table_displacement", "table_acceleration", "actuator_force", "base_shear", "corrected_force"),)
+BOUNDED = ("command", *SENSED, "base_shear", "corrected_force")
 
 
 class SignalChunk(NamedTuple):
@@ -35,15 +38,12 @@ class SignalChunk(NamedTuple):
 
     Parameters
     ----------
-    lengths : ndarray of int, shape (m,)
-        How many of the N steps belong to each run; what follows does not count.
     signals : Mapping of str to ndarray, shape (m, N)
         Those of `BOUNDED`, by the names of `RunRecord`.
     displacements : ndarray, shape (m, n, N)
         Of the numerical substructure [m].
     """
 
-    lengths: NDArray[np.intp]
     signals: Mapping[str, FloatArray]
     displacements: FloatArray
 
@@ -95,16 +95,56 @@ class LimitBounds:
         ndarray of bool, shape (m,)
             True for the runs that could pass a limit in them, or have a value that is not finite.
         """
-        steps = chunk.displacements.shape[-1]
-        inside = np.arange(steps) < chunk.lengths[:, None]
         with np.errstate(over="ignore", invalid="ignore"):
             seen = self._seen(chunk)
-            below = [
-                (seen[name] <= getattr(self._safety, f"{name}_limit") * _NEAR).all(axis=-1, where=inside)
-                for name in self._ending
-            ]
-        finite = [np.isfinite(signal).all(axis=-1, where=inside) for signal in chunk.signals.values()]
-        return np.asarray(~np.logical_and.reduce([*below, *finite]))
+        finite = [np.isfinite(signal).all(axis=-1) for signal in chunk.signals.values()]
+        return np.asarray(~np.logical_and.reduce([*(self._below(name, seen[name]) for name in self._ending), *finite]))
+
+    def ways_to_rest(self, runs: BoolArray) -> list[FloatArray]:
+        """Return the commands that bring the table to rest after the steps so far, of some of the runs.
+
+        Parameters
+        ----------
+        runs : ndarray of bool, shape (m,)
+            True for those whose ground motion is at its end.
+        """
+        motions = np.vstack((self._motion.state, self._last_command.T))[:, runs].T.tolist()
+        return [ramp_commands(Motion(*motion), self._safety, self._time_step) for motion in motions]
+
+    def touched_on_the_way(
+        self, runs: BoolArray, ways: Sequence[FloatArray], signals: Mapping[str, FloatArray]
+    ) -> BoolArray:
+        """Look at the ways to rest.
+
+        Parameters
+        ----------
+        runs : ndarray of bool, shape (m,)
+            As for `ways_to_rest`.
+        ways : sequence of ndarray
+            The m' ways that it has given.
+        signals : Mapping of str to ndarray, shape (m', N)
+            Those of `SENSED` meanwhile. N is at least the length of every way.
+
+        Returns
+        -------
+        ndarray of bool, shape (m',)
+            True for the runs that could pass a limit on their way.
+        """
+        error = in_rows(ways, signals["table_acceleration"].shape[1]) - signals["table_acceleration"]
+        tracking = running_mean(self._time_step, self._safety.tracking_time, len(ways))
+        tracking.state = self._tracking.state[:, runs]
+        seen = {
+            "displacement": np.abs(signals["table_displacement"]),
+            "force": np.abs(signals["actuator_force"]),
+            "tracking": np.sqrt(tracking.advance((error * error).T)[:, 0]),
+        }
+        on_the_way = np.arange(error.shape[1]) < np.array([len(way) for way in ways])[:, None]
+        below = [self._below(name, seen[name], on_the_way) for name in seen if name in self._ending]
+        return np.asarray(~np.logical_and.reduce([np.ones(len(ways), bool), *below]))
+
+    def _below(self, name: str, seen: FloatArray, where: BoolArray | bool = True) -> BoolArray:
+        limit: float = getattr(self._safety, f"{name}_limit")
+        return np.asarray((seen <= limit * _NEAR).all(axis=-1, where=where))
 
     def _seen(self, chunk: SignalChunk) -> dict[str, FloatArray]:
         """Return a bound of what each limit sees, (m, N)."""
@@ -141,3 +181,20 @@ class LimitBounds:
         speed = velocity + 0.5 * acceleration * unwinding
         longest = np.maximum(2.0 * speed / safety.braking_acceleration, np.sqrt(2.0 * np.pi * speed / safety.ramp_jerk))
         return speed, speed * (unwinding + step + 0.5 * np.maximum(longest + step, 2.0 * step))
+
+
+def in_rows(ways: Sequence[FloatArray], steps: int) -> FloatArray:
+    """Return the commands of ways to rest, a row each, with zeros after their ends.
+
+    Parameters
+    ----------
+    ways : sequence of ndarray
+        The m ways.
+    steps : int
+        Length of the rows N.
+
+    Returns
+    -------
+    ndarray, shape (m, N)
+    """
+    return np.array([np.pad(way, (0, steps - len(way))) for way in ways])

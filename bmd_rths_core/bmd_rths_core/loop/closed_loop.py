@@ -121,7 +121,8 @@ def _from_target_to_target(config: Config, displacement: bool) -> ClosedLoop:
     for other in others:
         a, b = other.system.a @ a, other.system.a @ b
     start = np.hstack((first.start, np.zeros((len(a), substeps - 1))))
-    return ClosedLoop(first.system._replace(a=a, b=b), start, first.outputs, preview=substeps, substeps=substeps)
+    system = first.system._replace(a=a, b=b)
+    return ClosedLoop(system, start, first.outputs, preview=substeps, table=first.table, substeps=substeps)
 
 
 def _start(numerical: NumericalSubstructure | NonlinearSubstructure) -> FloatArray:
@@ -157,17 +158,18 @@ def _from_step_to_step(
     size = 1 + sum(len(stage.a) for stage in stages.values()) + len(taken)
     rows = np.eye(size + 1 + noisy)
     feedback, ground = rows[:1], rows[size : size + 1]
-    own, first = {}, 1
+    places, first = {}, 1
     for name, stage in stages.items():
-        own[name] = rows[first : first + len(stage.a)]
+        places[name] = slice(first, first + len(stage.a))
         first += len(stage.a)
     following: dict[str, FloatArray] = {}
 
     def run(name: str, *inputs: FloatArray) -> FloatArray:
         stage: DiscreteStateSpace = stages[name]
         signals = np.vstack(inputs)
-        following[name] = stage.a @ own[name] + stage.b @ signals
-        return stage.c @ own[name] + stage.d @ signals
+        own = rows[places[name]]
+        following[name] = stage.a @ own + stage.b @ signals
+        return stage.c @ own + stage.d @ signals
 
     response = run("numerical", ground, feedback)
     command = run("shaper", response[:1], rows[size - len(taken) : size])
@@ -183,6 +185,7 @@ def _from_step_to_step(
         system=DiscreteStateSpace(transition[:, :size], transition[:, size:], output[:, :size], output[:, size:]),
         start=start,
         outputs=output_names(config, moving),
+        table=tuple(range(size)[places["table"]]),
     )
 
 

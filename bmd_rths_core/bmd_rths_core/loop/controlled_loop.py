@@ -90,5 +90,6 @@ def controlled_loop(config: Config, mass_factor: float = 1.0, linear: LinearCont
         start=start,
         outputs=output_names(config, displacement=True),
         preview=preview,
+        table=tuple(range(size)[moved]),
         integrators=linear.integrators,
     )

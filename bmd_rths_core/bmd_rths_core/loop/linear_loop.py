@@ -31,6 +31,8 @@ class ClosedLoop:
         those of the numerical substructure.
     preview : int
         Steps that the ground acceleration is known in advance.
+    table : tuple of int
+        States of the simulated table, those of its `state_space`; empty where the loop has none.
     integrators : tuple of int
         States that integrate the ground motion alone: nothing of the loop enters them, and they are not stable.
     substeps : int
@@ -42,6 +44,7 @@ class ClosedLoop:
     start: FloatArray
     outputs: tuple[str, ...]
     preview: int = 0
+    table: tuple[int, ...] = ()
     integrators: tuple[int, ...] = ()
     substeps: int = 1
 
