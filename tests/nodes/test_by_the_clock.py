@@ -18,7 +18,7 @@ from bmd_rths_core.table.wire import Kind
 from tests.clock.arrivals import ArrivalController, held, periods
 from tests.nodes.conftest import CONFIG, processes_of_domain, wait_until
 
-pytestmark = [pytest.mark.alone, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 DT = Config().run.time_step
 

@@ -121,7 +121,6 @@ def test_a_process_that_has_gone_ends_the_test_and_gives_no_other(slow):
 # ---- the loop
 
 
-@pytest.mark.alone
 @pytest.mark.slow
 def test_simulation_lockstep_and_real_time_are_equal_bit_for_bit(bmd_rths, tmp_path):
     pairs = (
@@ -151,7 +150,6 @@ def test_simulation_lockstep_and_real_time_are_equal_bit_for_bit(bmd_rths, tmp_p
     assert np.abs(simulated.desired_acceleration).max() > 0.1
 
 
-@pytest.mark.alone
 @pytest.mark.slow
 def test_an_integration_that_is_late_brings_the_table_to_rest(start, slow, domain, monkeypatch, tmp_path):
     """Composed nodes over UDP: warned of from 60 % on, and ended at the hand-over, with one line."""

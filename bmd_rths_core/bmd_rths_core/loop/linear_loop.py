@@ -80,6 +80,19 @@ def output_names(config: Config, displacement: bool) -> tuple[str, ...]:
 
 
 def sensor_noise(table: SimulatedTableConfig, floors: int) -> FloatArray:
-    """Return the root mean square of the noise of table and n floors, load cells, displacement and actuator force."""
+    """Return the noise of the sensors, in the order of the sensors of a loop.
+
+    Parameters
+    ----------
+    table : SimulatedTableConfig
+        The table.
+    floors : int
+        Number of floors n.
+
+    Returns
+    -------
+    ndarray, shape (4 + n,)
+        Root mean square of table and floors [m/s²], load cells [N], displacement [m] and actuator force [N].
+    """
     accelerations = np.full(floors + 1, table.acceleration_noise)
     return np.concatenate((accelerations, (table.shear_noise, table.displacement_noise, table.force_noise)))
