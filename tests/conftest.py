@@ -6,8 +6,7 @@ import fcntl
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -93,23 +92,3 @@ def made_once(tmp_path_factory: pytest.TempPathFactory, name: str, make: Callabl
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the long tests."""
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Let a test that is marked `alone` wait until the other workers of pytest-xdist do nothing, and have them wait."""
-    if not hasattr(item.config, "workerinput"):
-        return (yield)
-    shared: Path = item.config._tmp_path_factory.getbasetemp().parent  # type: ignore[attr-defined]
-    with _turn(shared, alone=item.get_closest_marker("alone") is not None):
-        return (yield)
-
-
-@contextmanager
-def _turn(folder: Path, alone: bool) -> Iterator[None]:
-    """Share the machine, or have it alone. Who waits for it alone is in the door, so that nobody else gets in first."""
-    with open(folder / "door", "a") as door, open(folder / "room", "a") as room:
-        fcntl.flock(door, fcntl.LOCK_EX)
-        fcntl.flock(room, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        fcntl.flock(door, fcntl.LOCK_UN)
-        yield

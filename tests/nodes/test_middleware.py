@@ -45,7 +45,8 @@ def test_udp_only_is_a_variable_where_the_range_adds_nothing(environment, capsys
     environment.update(given)
     before = dict(environment)
     prepare_middleware()
-    assert environment == {**before, TRANSPORTS: "UDPv4"}
+    assert environment == {**before, TRANSPORTS: "UDPv4", PROFILES: environment[PROFILES]}
+    assert [element.tag for element in profile(environment)] == ["data_writer"]
     assert capsys.readouterr().err == ""
 
 
@@ -157,6 +158,17 @@ def test_a_node_has_no_shared_memory(start, as_a_person, domain, scope):
     wait_until(lambda: len(list(Path(f"/proc/{node.process.pid}/task").iterdir())) > 5)  # the participant is there
     time.sleep(0.5)
     assert not [name for name in files() if name.startswith("/dev/shm/fastrtps")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scope", ["LOCALHOST", "SUBNET"])
+def test_a_status_is_acknowledged_before_the_middleware_would_ask_for_it(start, as_a_person, scope):
+    """By itself it asks every 3 s, and the process of a node would end before what was lost is sent again."""
+    as_a_person(scope)
+    script = Path(__file__).with_name("last_words.py")
+    start(script, "hears")
+    result = start(script).wait()
+    assert result.output.split() == ["True"] * 5, result.errors
 
 
 @pytest.mark.slow

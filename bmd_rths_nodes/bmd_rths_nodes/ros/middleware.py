@@ -1,5 +1,7 @@
 """Settings of the middleware for every process of this project: a tool that comes or goes never costs a step.
 
+Status that was lost is sent again within a twentieth of a second, so that the last words of a node can be waited for.
+
 The shared memory of Fast DDS may hold a publisher up for a third of a second when a process comes or goes. Without it
 there is nothing to wait for, but with the discovery range LOCALHOST rmw_fastrtps adds it whatever the transports are
 said to be. So that range is put into a profile, as rmw_fastrtps means it, with UDP only (docs/decisions/0004).
@@ -34,9 +36,15 @@ _WITHOUT_SHARED_MEMORY = ("UDPv4", "UDPv6", "NONE")
 #: As many processes of a computer are looked for as rmw_fastrtps looks for with LOCALHOST.
 _PARTICIPANTS = 32
 
-_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+_PROFILES = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
-  <transport_descriptors>
+{participant}  <data_writer profile_name="/diagnostics">
+    <!-- Acknowledgements are asked for every 3 s else, and what was lost is not sent again before. -->
+    <times><heartbeatPeriod><sec>0</sec><nanosec>50000000</nanosec></heartbeatPeriod></times>
+  </data_writer>
+</profiles>
+"""
+_PARTICIPANT = """  <transport_descriptors>
     <transport_descriptor>
       <transport_id>bmd_rths_udp</transport_id>
       <type>UDPv4</type>
@@ -54,7 +62,6 @@ _PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
       <useBuiltinTransports>false</useBuiltinTransports>
     </rtps>
   </participant>
-</profiles>
 """
 _PEER = "<locator><udpv4><address>{}</address></udpv4></locator>"
 
@@ -82,11 +89,14 @@ def prepare_middleware() -> None:
         adds = f", and {RANGE}=LOCALHOST adds shared memory to it" if scope == "LOCALHOST" else ""
         _tell(f"the profile {profile} is used as it is{adds}; with shared memory, a ros2 tool can end a test")
     elif scope == "LOCALHOST":
-        os.environ[PROFILES] = str(_written(_PROFILE.format(participants=_PARTICIPANTS, peers=_locators(peers))))
+        participant = _PARTICIPANT.format(participants=_PARTICIPANTS, peers=_locators(peers))
+        os.environ[PROFILES] = str(_written(_PROFILES.format(participant=participant)))
         os.environ[RANGE] = "SYSTEM_DEFAULT"
         os.environ.pop("ROS_LOCALHOST_ONLY", None)
-    elif transports.partition("?")[0] not in _WITHOUT_SHARED_MEMORY and not profile:
-        _tell(f"{TRANSPORTS} is {transports}, which has shared memory: a ros2 tool can end a test; UDPv4 has none")
+    elif not profile:
+        os.environ[PROFILES] = str(_written(_PROFILES.format(participant="")))
+        if transports.partition("?")[0] not in _WITHOUT_SHARED_MEMORY:
+            _tell(f"{TRANSPORTS} is {transports}, which has shared memory: a ros2 tool can end a test; UDPv4 has none")
 
 
 def _discovery() -> tuple[str, Sequence[str]]:

@@ -314,11 +314,7 @@ class StageNode(ManagedNode):
         self._last_words = self._status_told > told
 
     def say_farewell(self) -> None:
-        """See that what was told while everything was made safe arrives.
-
-        The middleware asks for acknowledgements every few seconds only, so that a status of any time before, which has
-        long arrived, would be waited for in vain.
-        """
+        """See that what was told while everything was made safe arrives; it is acknowledged at once."""
         if self._last_words:
             self._diagnostics.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
 
