@@ -167,7 +167,7 @@ class BagWriter:
         text, type_hash = message_definition(type_name)
         if type_name not in self._schemas:
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text.encode())
-        metadata = {"offered_qos_profiles": _yaml(_OFFERED_QOS).strip(), "topic_type_hash": type_hash}
+        metadata = {"offered_qos_profiles": _offered_qos(), "topic_type_hash": type_hash}
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[type_name], metadata)
         self._types[topic] = type_name
         self._counts[topic] = 0
@@ -250,6 +250,11 @@ class _PlainDumper(yaml.SafeDumper):  # type: ignore[misc]
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+
+@functools.cache
+def _offered_qos() -> str:
+    return _yaml(_OFFERED_QOS).strip()
 
 
 def _yaml(content: Any) -> str:

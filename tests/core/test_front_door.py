@@ -42,3 +42,21 @@ def test_the_door_itself_imports_nothing():
     ours = {name for name in imported_after("import bmd_rths_core") if name.startswith("bmd_rths")}
     assert ours == {"bmd_rths_core", "bmd_rths_core.version"}
     assert "numpy" in imported_after("import bmd_rths_core; bmd_rths_core.RthsLoop")
+
+
+#: scipy takes all that numpy has; who wants the parts that nobody here uses still gets them.
+UNUSED_PARTS = """
+from bmd_rths_core.integration.discretisation import zero_order_hold
+import numpy as np
+zero_order_hold(np.zeros((1, 1)), np.ones((1, 1)), 0.005)
+assert "scipy.linalg" in sys.modules
+assert {"numpy.f2py.f2py2e", "numpy.testing._private.utils", "unittest"}.isdisjoint(sys.modules)
+np.testing.assert_allclose(1.0, 1.0)
+from numpy.testing import assert_array_equal
+import numpy.f2py
+assert callable(numpy.f2py.get_include)
+"""
+
+
+def test_scipy_does_not_load_what_nobody_uses():
+    assert {"numpy.f2py.f2py2e", "numpy.testing._private.utils"} <= imported_after(UNUSED_PARTS)

@@ -12,7 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bmd_rths_core.scipy_loading import leave_for_later
+
 FloatArray = NDArray[np.float64]
+
+leave_for_later()
 
 
 class DiscreteStateSpace(NamedTuple):

@@ -1,4 +1,4 @@
-"""filterpy without scipy.stats, which takes a second to load and which filterpy needs for likelihoods only."""
+"""filterpy without scipy.stats and scipy.ndimage, which take a second to load; its Kalman filter does not use them."""
 
 from __future__ import annotations
 
@@ -12,58 +12,55 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter
 
-_STATS = "scipy.stats"
+#: What filterpy takes from there, for likelihoods and for discrete Bayes filters.
+_TAKEN = {"scipy.stats": ("norm", "multivariate_normal"), "scipy.ndimage": ("convolve", "shift")}
 
-#: What filterpy takes from there.
-_TAKEN = ("norm", "multivariate_normal")
-
-#: What else it takes from scipy; loaded before, so that nobody else gets what stands in for scipy.stats.
-_OTHERS = ("scipy.linalg", "scipy.sparse", "scipy.sparse.linalg", "scipy.ndimage")
+#: What else it takes from scipy; loaded before, so that nobody else gets what stands in for those.
+_OTHERS = ("scipy.linalg", "scipy.sparse", "scipy.sparse.linalg")
 
 
 class _Later:
-    """A distribution of scipy.stats, loaded when it is used."""
+    """A distribution or function of scipy, loaded when it is used."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, module: str, name: str) -> None:
+        self._module, self._name = module, name
 
     def __getattr__(self, attribute: str) -> Any:
-        stats = import_module(_STATS)
-        if isinstance(stats, _StandingIn):  # filterpy tries whether scipy is older than 0.14
+        module = import_module(self._module)
+        if isinstance(module, _StandingIn):  # filterpy tries whether scipy is older than 0.14
             return lambda *arguments, **named: None
-        return getattr(getattr(stats, self._name), attribute)
+        return getattr(getattr(module, self._name), attribute)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return getattr(import_module(_STATS), self._name)(*arguments, **named)
+        return getattr(import_module(self._module), self._name)(*arguments, **named)
 
 
 class _StandingIn(ModuleType):
-    """In the place of scipy.stats."""
+    """In the place of a module of scipy."""
 
 
 def kalman_filter_class() -> type[KalmanFilter]:
-    """Return `filterpy.kalman.KalmanFilter`; scipy.stats is loaded when a likelihood is asked for."""
-    with _stats_later():
+    """Return `filterpy.kalman.KalmanFilter`; what else filterpy needs is loaded when it is used."""
+    with _the_rest_later():
         loaded: type[KalmanFilter] = import_module("filterpy.kalman").KalmanFilter
     return loaded
 
 
 @contextmanager
-def _stats_later() -> Iterator[None]:
-    """Let something else stand in for scipy.stats while filterpy is loaded."""
-    if _STATS in sys.modules or "filterpy.kalman" in sys.modules:
+def _the_rest_later() -> Iterator[None]:
+    """Let something else stand in for the modules of scipy while filterpy is loaded."""
+    if "filterpy.kalman" in sys.modules:
         yield
         return
     for name in _OTHERS:
         import_module(name)
-    if _STATS in sys.modules:
-        yield
-        return
-    standing_in = _StandingIn(_STATS)
-    for name in _TAKEN:
-        setattr(standing_in, name, _Later(name))
-    sys.modules[_STATS] = standing_in
+    standing_in = [name for name in _TAKEN if name not in sys.modules]
+    for name in standing_in:
+        sys.modules[name] = _StandingIn(name)
+        for taken in _TAKEN[name]:
+            setattr(sys.modules[name], taken, _Later(name, taken))
     try:
         yield
     finally:
-        del sys.modules[_STATS]
+        for name in standing_in:
+            del sys.modules[name]

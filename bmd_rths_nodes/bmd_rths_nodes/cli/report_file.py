@@ -51,7 +51,7 @@ def require_matplotlib(what: str) -> None:
         matplotlib is not installed.
     """
     try:
-        import bmd_rths_core.report.pdf  # noqa: F401
+        import bmd_rths_core.plots.style  # noqa: F401
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "matplotlib":
             raise
@@ -101,13 +101,14 @@ def write_report(document: Document, path: Path) -> None:
     InputError
         The file cannot be written.
     """
-    from bmd_rths_core.report.html import page_of
-    from bmd_rths_core.report.pdf import write_pdf
-
     try:
         if path.suffix.lower() == ".pdf":
+            from bmd_rths_core.report.pdf import write_pdf
+
             write_pdf(document, path)
         else:
+            from bmd_rths_core.report.html import page_of
+
             path.write_text(page_of(document), encoding="utf-8")
     except OSError as error:
         raise InputError(f"--report {path}: cannot be written: {error.strerror}") from error
