@@ -81,8 +81,8 @@ class Driver:
         steps = count()
         self.send(next(steps), acceleration)
         self.send(next(steps), acceleration)
-        # By the clock a measurement that comes late is none, on a busy machine.
-        wait_until(lambda: self._measured_within(1.0) or self.send(next(steps), acceleration))
+        # By the clock a measurement that comes late is none, on a busy machine; the table moves on meanwhile.
+        wait_until(lambda: self._measured_within(0.2) or self.send(next(steps), acceleration))
 
     def _measured_within(self, seconds):
         end = time.monotonic() + seconds
@@ -228,7 +228,7 @@ def test_emergency_stop_reaches_the_controller_whose_interlock_only_it_can_reset
 def test_second_ctrl_c_of_a_driver_that_was_started_by_hand_is_an_emergency_stop(client, driver):
     """With a way to rest of many seconds, on which a driver that ends does not answer its services any more."""
     with emulator(LOCKSTEP.changed(run__lockstep=False, virtual_controller__watchdog=10.0)) as (server, config):
-        # On a busy machine answers are lost, and a command is held for a second.
+        # On a busy machine answers are lost, and a command is held for longer.
         patient = ("safety.stale_shear_time:=500", "safety.stale_controller_time:=500")
         slow = ("run.lockstep:=false", "safety.ramp_velocity:=0.001", *patient)
         table = driver("table.controller:=udp", f"table.address:={config.table.address}", *slow)
