@@ -43,6 +43,7 @@ def test_no_file_is_long(folder):
     assert [path for path, length in lengths.items() if length > LONGEST_FILE] == []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_type_checker_is_strict_and_finds_nothing_but_what_is_planted(tmp_path):
     """Both in one go, in a copy: a function without types is an error in two of the packages, and all else is clean."""

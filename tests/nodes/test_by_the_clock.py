@@ -229,6 +229,7 @@ def test_other_processes_stall_and_the_driver_brings_the_table_to_rest_in_time(b
 IDENTIFY = ("--what", "table", "--order", 1, "--band", 1, 20, "--duration", 20, "--json")
 
 
+@pytest.mark.long
 def test_identify_keeps_the_time_step_and_leaves_lost_answers_out(bmd_rths):
     with ArrivalController(2e-3, lost=lambda step: 300 <= step < 303) as controller:
         result = bmd_rths("identify", CONFIG, "--table", controller.address, *IDENTIFY, *settings()).wait()

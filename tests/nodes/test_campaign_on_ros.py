@@ -40,6 +40,7 @@ def recording(output, size=20_000):
     return any(file.stat().st_size > size for file in output.glob("bags/.unfinished/*/*.mcap"))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_results_are_those_in_process_and_a_killed_study_goes_on(run_main, bmd_rths, records, domain, tmp_path):
     """SIGKILL in the second run, the same command at once, and once more when a bag was cut and another is lost."""

@@ -15,6 +15,7 @@ CHOSEN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), CHOSEN.items(), ids=CHOSEN)
 def test_table_is_at_rest_the_reason_is_told_the_bag_opens_and_no_process_is_left(kind, seed, tmp_path):
