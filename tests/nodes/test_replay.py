@@ -176,8 +176,11 @@ def nodes(simulated, start, tmp_path):
 
 @pytest.mark.slow
 def test_nodes_answer_a_playback_with_the_recorded_forces(bmd_rths, nodes, simulated, tmp_path):
-    """Twice with the same processes. On a busy machine the shear of a step may come after the next required force."""
-    for rate in ("1.0", "2.0"):
+    """Twice with the same processes. On a busy machine the shear of a step may come after the next required force.
+
+    As slowly as here a node may be held up for a tenth of a second, and misses no measurement of the ten that wait.
+    """
+    for rate in ("0.5", "0.4"):
         how = ("--ros", "--rate", rate, "--output", tmp_path / rate, "--json")
         run = bmd_rths("replay", simulated, *how).wait()
         assert run.status == 0, run.errors
