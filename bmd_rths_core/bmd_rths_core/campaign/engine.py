@@ -211,16 +211,17 @@ class _Noise:
     def __init__(self, config: Config) -> None:
         self._amplitudes = sensor_noise(config.simulated_table, len(config.specimen.masses))
         self._random, self._drive_random = noise_streams(config.run.seed)
-        self._drawn = np.zeros((0, len(self._amplitudes)))
+        self._first, self._drawn = 0, np.zeros((0, len(self._amplitudes)))
 
     def of(self, begin: int, length: int) -> FloatArray:
-        """Return the noise of some steps, (N, s), in parts of its root mean square."""
-        missing = begin + length - len(self._drawn)
+        """Return the noise of some steps, (N, s), in parts of its root mean square; never those before the last ones."""
+        self._first, self._drawn = begin, self._drawn[begin - self._first :]
+        missing = length - len(self._drawn)
         if missing > 0:
             sensors = self._random.standard_normal((missing, len(self._amplitudes) - 2))
             drives = self._drive_random.standard_normal((missing, 2))
             self._drawn = np.vstack((self._drawn, np.hstack((sensors, drives))))
-        return self._drawn[begin : begin + length]
+        return self._drawn[:length]
 
     def added_to(self, table: DiscreteStateSpace) -> DiscreteStateSpace:
         """Return a table with the noise as further inputs."""
