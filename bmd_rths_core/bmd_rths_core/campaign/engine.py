@@ -214,7 +214,7 @@ class _Noise:
         self._first, self._drawn = 0, np.zeros((0, len(self._amplitudes)))
 
     def of(self, begin: int, length: int) -> FloatArray:
-        """Return the noise of some steps, (N, s), in parts of its root mean square; never those before the last ones."""
+        """Return the noise of some steps, (N, s), in parts of its root mean square; they never go back."""
         self._first, self._drawn = begin, self._drawn[begin - self._first :]
         missing = length - len(self._drawn)
         if missing > 0:
