@@ -18,3 +18,18 @@ def test_the_first_log_call_does_not_stall_the_loop(start):
         assert max(further) < ALLOWED, kind
     assert first["warm"] < ALLOWED
     assert first["cold"] > 10 * ALLOWED  # otherwise rclpy has mended it, and the warm-up can go
+
+
+def test_what_waits_for_its_first_use_is_not_loaded(start):
+    script = """
+import sys
+from bmd_rths_core.scipy_loading import leave_for_later
+from bmd_rths_nodes.ros.warm_up import warm_up
+
+leave_for_later()
+before = type(sys.modules["numpy.f2py"])
+warm_up()
+print(before.__name__, type(sys.modules["numpy.f2py"]).__name__)
+"""
+    result = start("-c", script).wait()
+    assert result.output.split() == ["_LazyModule", "_LazyModule"], result.errors
