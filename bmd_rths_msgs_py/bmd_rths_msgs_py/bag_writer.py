@@ -245,7 +245,7 @@ class _PackedChunkIndices:
         builder.write(bytes(self._packed))
 
 
-class _PlainDumper(yaml.SafeDumper):  # type: ignore[misc]
+class _PlainDumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
     """YAML as rosbag2 writes it: without anchors."""
 
     def ignore_aliases(self, data: Any) -> bool:
@@ -258,5 +258,5 @@ def _offered_qos() -> str:
 
 
 def _yaml(content: Any) -> str:
-    text: str = yaml.dump(content, Dumper=_PlainDumper, sort_keys=False, default_flow_style=False, width=2**31)
+    text: str = yaml.dump(content, Dumper=_PlainDumper, sort_keys=False, default_flow_style=False, width=2**31 - 1)
     return text
