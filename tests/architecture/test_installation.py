@@ -7,11 +7,14 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from importlib import metadata
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
@@ -129,6 +132,26 @@ def test_manifest_has_a_key_for_each_requirement(package):
     keys = {node.text for node in manifest.iter("exec_depend")}
     needed = {name if name in PACKAGES else KEYS.get(name, f"python3-{name}") for name in required(package)}
     assert needed - keys == set()
+
+
+@pytest.mark.parametrize("python", ["3.10.12", "3.11.2", "3.12.3", "3.13.0"])  # as distributions have them
+def test_each_version_that_is_required_runs_on_the_python_that_it_is_required_for(python):
+    lines = (line.partition("#")[0].strip() for line in (ROOT / "constraints.txt").read_text().splitlines())
+    environment = {"python_version": python.rpartition(".")[0], "python_full_version": python}
+    pins = [Requirement(line) for line in lines if line]
+    pinned = [pin for pin in pins if pin.marker is None or pin.marker.evaluate(environment)]
+    told = {str(pin): requires for pin in pinned if (requires := requires_python(pin))}
+    assert len(told) > 50
+    assert not {pin: requires for pin, requires in told.items() if not SpecifierSet(requires).contains(python)}
+
+
+def requires_python(pin):
+    """Return what an installed version says of the Python that it needs; None where another version is installed."""
+    try:
+        installed = metadata.distribution(pin.name)
+    except metadata.PackageNotFoundError:
+        return None
+    return installed.metadata["Requires-Python"] if pin.specifier.contains(installed.version) else None
 
 
 def test_page_beside_apt_installs_what_apt_does_not_have():
