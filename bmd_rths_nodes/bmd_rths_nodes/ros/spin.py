@@ -87,8 +87,8 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         return _refuse(str(error))
     nodes: list[StageNode] = []
     intra_process = IntraProcess([node_type.ROLE for node_type in node_types])
+    executor = EventsExecutor()
     try:
-        executor = EventsExecutor()
         for node_type in node_types:
             nodes.append(node_type(intra_process))
             executor.add_node(nodes[-1])
@@ -115,6 +115,7 @@ def run_nodes(node_types: Sequence[type[StageNode]], arguments: Sequence[str] | 
         with ExitStack() as last:  # the last one first, each of them whatever becomes of the others
             last.callback(ending.no_more)
             last.callback(rclpy.try_shutdown)
+            last.callback(executor.shutdown)  # it would keep the nodes on the domain for as long as this process lives
             for node in reversed(nodes):
                 last.callback(node.destroy_node)
                 last.callback(node.flush_log)

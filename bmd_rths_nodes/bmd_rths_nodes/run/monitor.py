@@ -68,7 +68,8 @@ class RunMonitor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop listening."""
+        """Stop listening; the executor would keep the node on the domain for as long as this process lives."""
+        self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()
 
