@@ -16,6 +16,8 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
+from tests.domains import free_domain
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("bmd_rths_core", "bmd_rths_msgs_py", "bmd_rths_nodes")
 EXECUTABLES = (
@@ -58,15 +60,16 @@ def environment(tmp_path):
     ours = ("PYTHONPATH", "PYTHONHOME", WHEELS_STARTED)
     paths = [Path(path) for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
     elsewhere = [str(path) for path in paths if not any((path / package).is_dir() for package in PACKAGES)]
-    return {
-        **{name: value for name, value in os.environ.items() if name not in ours},
-        "PYTHONPATH": os.pathsep.join(elsewhere),
-        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_LOG_DIR": str(tmp_path / "log"),
-        "COLCON_HOME": str(tmp_path / "colcon"),
-    }
+    with free_domain() as domain:
+        yield {
+            **{name: value for name, value in os.environ.items() if name not in ours},
+            "PYTHONPATH": os.pathsep.join(elsewhere),
+            "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(tmp_path / "log"),
+            "COLCON_HOME": str(tmp_path / "colcon"),
+        }
 
 
 def run(arguments, folder, environment):

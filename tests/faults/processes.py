@@ -13,6 +13,7 @@ import numpy as np
 
 from bmd_rths_core.table.emulated.faults import SENSORS
 from bmd_rths_msgs_py.topics import RECORDER, ROLES
+from tests.domains import free_domain
 from tests.faults.bench import SETTINGS, Bench
 from tests.faults.outcome import Outcome
 from tests.faults.process_trial import MISSES, Trial, run_trial
@@ -127,9 +128,10 @@ def _second_run(random: Random) -> Trial:
 
 def _second_host(random: Random) -> Trial:
     def happens(bench: Bench) -> list[str]:
-        domain = {"ROS_DOMAIN_ID": str(101 - bench.domain % 2)}
-        child = bench.bmd_rths(*bench.run_arguments(bench.folder / "second"), "--composed", environment=domain)
-        return _refused(child, "no answer from")
+        with free_domain() as number:
+            domain = {"ROS_DOMAIN_ID": str(number)}
+            child = bench.bmd_rths(*bench.run_arguments(bench.folder / "second"), "--composed", environment=domain)
+            return _refused(child, "no answer from")
 
     return Trial(
         "second run with one controller", bool(random.integers(2)), _step(random), happens=happens, finishes=True

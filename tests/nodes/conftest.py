@@ -1,16 +1,13 @@
 """Real middleware for every test: a domain of its own, child processes that never outlive it."""
 
 import faulthandler
-import fcntl
-import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,19 +28,18 @@ from bmd_rths_nodes.ros import status
 from bmd_rths_nodes.ros.middleware import PROFILES, RANGE, TRANSPORTS, prepare_middleware
 from bmd_rths_nodes.ros.status import NodeStatus
 from tests.conftest import made_once
+from tests.domains import free_domain, ports_of
 from tests.nodes.scripted_controller import REAL_TIME, Script
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "simplified_bmd.yaml"
 EIGHT_STORY = ROOT / "config" / "eight_story_bmd.yaml"
 
-_numbers = itertools.count(os.getpid() % 90)
-
 
 @pytest.fixture(autouse=True)
 def domain(monkeypatch):
     """Give the test a ROS domain of its own, on this machine only, whoever else runs these tests at the same time."""
-    with _free_domain() as number:
+    with free_domain() as number:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
         monkeypatch.setenv(RANGE, "LOCALHOST")
         for name in (PROFILES, TRANSPORTS):
@@ -51,21 +47,7 @@ def domain(monkeypatch):
             monkeypatch.delenv(name)
         prepare_middleware()  # for the nodes of this process too
         yield number
-
-
-@contextmanager
-def _free_domain():
-    """Lock one of a hundred domains; the last one used comes last, as its processes may not be forgotten yet."""
-    for _ in range(100):
-        number = 1 + next(_numbers) % 100
-        with open(Path(tempfile.gettempdir()) / f"bmd_rths_{os.getuid()}_test_domain_{number}", "a") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield number
-            return
-    raise RuntimeError("all ROS domains are in use by other tests")
+        assert not ports_of(number), "a node of this process is still on the domain"
 
 
 @pytest.fixture
@@ -184,7 +166,7 @@ def composed_run(tmp_path_factory):
 
 def _run_composed(folder):
     arguments = ("--lockstep", "--composed", "--set", "ground_motion.duration=3.0", "--output", folder, "--json")
-    with _free_domain() as number:
+    with free_domain() as number:
         own = {"ROS_DOMAIN_ID": str(number), RANGE: "LOCALHOST"}
         command = ["-m", "bmd_rths_nodes.cli.main", "run", *(str(a) for a in (CONFIG, *arguments))]
         child = Child(folder, command, {**os.environ, **own})

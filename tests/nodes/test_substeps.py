@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import select
 import time
 from pathlib import Path
 
@@ -74,8 +75,8 @@ def test_another_process_leads_to_the_same_bits_test_after_test(changes):
             beside.reset()
             at_once.reset()
             for k in range(steps):
-                if k % 4 == 3:
-                    time.sleep(0.01)
+                if k % 4 == 3:  # the next one takes the target; a busy machine may need long for it
+                    assert select.select([process._output], [], [], 10.0)[0]
                 assert beside.step(ground[k], shear[k]) == at_once.step(ground[k], shear[k])
                 assert (beside.displacements == at_once.displacements).all()
                 assert (beside.velocities == at_once.velocities).all()
