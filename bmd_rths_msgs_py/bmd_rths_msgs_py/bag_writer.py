@@ -14,11 +14,10 @@ import yaml
 from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.bag_description import END_RECORD, START_RECORD
-from bmd_rths_msgs_py.topics import TOPICS
+from bmd_rths_msgs_py.message_definitions import message_definition
 
 NO_START = 2**63 - 1  # starting_time of a bag without messages, as rosbag2 writes it
 
@@ -77,8 +76,6 @@ class BagWriter:
         self._counts: dict[str, int] = {}
         self._first_ns = NO_START
         self._last_ns = 0
-        for topic in TOPICS.values():
-            message_definition(topic.type_name)  # takes a tenth of a second, which the first message must not wait
         try:
             directory.mkdir(parents=True, exist_ok=True)
             if any(directory.iterdir()):
@@ -212,19 +209,6 @@ class BagWriter:
         temporary = self._directory / "metadata.yaml.tmp"
         temporary.write_text(_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
         os.replace(temporary, self._directory / "metadata.yaml")
-
-
-@functools.cache
-def message_definition(type_name: str) -> tuple[str, str]:
-    """Return the ros2msg text and the RIHS01 hash of a message type, as Jazzy has them, from no ROS installation.
-
-    Parameters
-    ----------
-    type_name : str
-        For example ``"geometry_msgs/msg/AccelStamped"``.
-    """
-    typestore = get_typestore(Stores.ROS2_JAZZY)
-    return typestore.generate_msgdef(type_name, ros_version=2)[0], typestore.hash_rihs01(type_name)
 
 
 class _PackedChunkIndices:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from bmd_rths_msgs_py.bag_writer import message_definition
+from bmd_rths_msgs_py.message_definitions import generated_definition, message_definition
 from bmd_rths_msgs_py.topics import TOPICS
 
 TYPES = sorted({topic.type_name for topic in TOPICS.values()})
@@ -54,3 +55,25 @@ def test_text(type_name: str) -> None:
     for name, body in parts.items():
         package, message = name.split("/")[0], name.split("/")[-1]
         assert fields(body, package) == fields(shipped(f"{package}/msg/{message}", ".msg"), package)
+
+
+@pytest.mark.parametrize("type_name", TYPES)
+def test_what_is_frozen_is_what_rosbags_generates(type_name: str) -> None:
+    assert message_definition(type_name) == generated_definition(type_name)
+
+
+def test_any_other_type_of_jazzy_is_there_too() -> None:
+    text, found = message_definition("sensor_msgs/msg/Imu")
+    assert "geometry_msgs/Vector3 linear_acceleration" in text
+    assert found.startswith("RIHS01_")
+
+
+def test_writing_a_bag_loads_no_types_of_rosbags() -> None:
+    statement = """
+import sys
+from bmd_rths_msgs_py.bag_writer import message_definition
+from bmd_rths_msgs_py.topics import TOPICS
+assert all(message_definition(topic.type_name) for topic in TOPICS.values())
+assert not [name for name in sys.modules if name.startswith("rosbags")]
+"""
+    assert subprocess.run([sys.executable, "-c", statement], timeout=120).returncode == 0

@@ -9,7 +9,7 @@ from typing import Any
 
 from bmd_rths_core.errors import InputError
 from bmd_rths_msgs_py.bag_follower import BagFollower
-from bmd_rths_msgs_py.bag_writer import message_definition
+from bmd_rths_msgs_py.message_definitions import message_definition
 from bmd_rths_msgs_py.topics import TOPICS
 
 #: What is older when it is read is history, which Foxglove reads from the file itself [s].
