@@ -7,8 +7,8 @@ import sys
 
 import numpy as np
 
-#: What no command and no node uses, and takes as long to load as numpy.
-_UNUSED = ("f2py", "testing")
+#: What no node uses, and takes longer to load than numpy.
+_UNUSED = ("f2py", "ma", "polynomial", "testing")
 
 
 def leave_for_later() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import dlsim
 
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.integration.linear_simulation import BLOCK, LinearSimulation, outputs_from_rest
+from bmd_rths_core.integration.linear_simulation import BLOCK, LinearSimulation, SimulationFromRest
 
 
 def random_system(size, inputs, outputs):
@@ -44,4 +44,6 @@ def test_one_call_equals_several_and_runs_can_be_taken_out():
 def test_outputs_from_rest_are_those_of_a_run(steps):
     system, own = random_system(6, 1, 3), np.random.default_rng(4).standard_normal(steps)
     (expected,) = LinearSimulation(system, np.zeros((6, 1))).advance(own[:, None])
-    assert outputs_from_rest(system, own) == pytest.approx(expected, rel=1e-10, abs=1e-11 * np.abs(expected).max())
+    assert SimulationFromRest(system).outputs(own) == pytest.approx(
+        expected, rel=1e-10, abs=1e-11 * np.abs(expected).max()
+    )

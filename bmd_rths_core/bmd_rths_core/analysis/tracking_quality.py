@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from bmd_rths_core.analysis.frequency_evaluation import frequency_evaluation
 from bmd_rths_core.analysis.metrics import rmse_percent
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace, first_order_hold
-from bmd_rths_core.integration.linear_simulation import outputs_from_rest
+from bmd_rths_core.integration.linear_simulation import SimulationFromRest
 
 FloatArray = NDArray[np.float64]
 
@@ -95,15 +96,20 @@ def response_spectrum(
     ndarray, shape (f,)
         Largest absolute acceleration of every oscillator at the samples, exact [m/s²].
     """
-    peaks = np.empty(len(frequencies))
-    for i, omega in enumerate(2.0 * np.pi * frequencies):
+    oscillators = _oscillators(time_step, tuple(frequencies.tolist()), damping)
+    return np.array([np.max(np.abs(each.outputs(acceleration)), initial=0.0) for each in oscillators])
+
+
+@functools.lru_cache(maxsize=4)  # desired and achieved, and each run of a laboratory, have the same
+def _oscillators(time_step: float, frequencies: tuple[float, ...], damping: float) -> list[SimulationFromRest]:
+    """Return oscillators from the acceleration of their base to their own, absolute one."""
+    oscillators = []
+    for omega in 2.0 * np.pi * np.array(frequencies):
         a = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
         phi, before, now = first_order_hold(a, np.array([[0.0], [-1.0]]), time_step)
-        seen, through = a[1:], a[1:] @ now
         # The state less what the ground acceleration of its own step has added: one input a step.
-        oscillator = DiscreteStateSpace(phi, phi @ now + before, seen, through)
-        peaks[i] = np.max(np.abs(outputs_from_rest(oscillator, acceleration)), initial=0.0)
-    return peaks
+        oscillators.append(SimulationFromRest(DiscreteStateSpace(phi, phi @ now + before, a[1:], a[1:] @ now)))
+    return oscillators
 
 
 def tracking_quality(desired: FloatArray, achieved: FloatArray, time_step: float, noise: float) -> TrackingQuality:

@@ -30,7 +30,7 @@ from bmd_rths_core.identification.specimen_model import SpecimenModel, floor_tra
 from bmd_rths_core.identification.spectral_lines import TAPER, averaged_response, tapered_transform
 from bmd_rths_core.identification.table_model import TableModel
 from bmd_rths_core.integration.discretisation import DiscreteStateSpace
-from bmd_rths_core.integration.linear_simulation import outputs_from_rest
+from bmd_rths_core.integration.linear_simulation import SimulationFromRest
 from bmd_rths_core.structure.shear_building import ShearBuilding
 from bmd_rths_core.table.models.held_plant import held_plant
 from bmd_rths_core.table.models.plant import Plant
@@ -208,7 +208,7 @@ class _Lines:
         moving = np.delete(np.arange(len(held.transition)), [held.displacement, held.displacement + 1])
         a, b = held.transition[np.ix_(moving, moving)], held.command[moving]
         rows = held.output[:-1][:, moving]
-        simulated = outputs_from_rest(DiscreteStateSpace(a, b, rows @ a, rows @ b), self._commands)
+        simulated = SimulationFromRest(DiscreteStateSpace(a, b, rows @ a, rows @ b)).outputs(self._commands)
         spectra = np.fft.rfft(self._window * simulated)[:, self._inside].T
         return np.asarray((self.accelerations - spectra) / self.unit)
 

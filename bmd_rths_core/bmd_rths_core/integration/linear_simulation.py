@@ -95,8 +95,8 @@ class LinearSimulation:
         return outputs
 
 
-def outputs_from_rest(system: DiscreteStateSpace, inputs: FloatArray) -> FloatArray:
-    """Return the outputs of one run with one input, from rest; a third of the time of `LinearSimulation`.
+class SimulationFromRest:
+    """Outputs of one linear system with one input, from rest; a third of the time of `LinearSimulation`.
 
     Only the states at the beginnings of the blocks are computed. What the steps of a block add is a product with the
     impulse response.
@@ -105,33 +105,47 @@ def outputs_from_rest(system: DiscreteStateSpace, inputs: FloatArray) -> FloatAr
     ----------
     system : DiscreteStateSpace
         One input, p outputs.
-    inputs : ndarray, shape (N,)
-        The input.
-
-    Returns
-    -------
-    ndarray, shape (p, N)
     """
-    a, b, c, d = system
-    length, size, steps = 2 * BLOCK, len(a), len(inputs)
-    of_inputs, of_states = [b[:, 0]], [c]
-    for _ in range(length - 1):
-        of_inputs.append(a @ of_inputs[-1])
-        of_states.append(of_states[-1] @ a)
-    impulse = np.vstack((d[:, 0], np.array(of_inputs[:-1]) @ c.T))
-    within = np.zeros((length, len(c), length))
-    for i in range(length):
-        within[i:, :, i] = impulse[: length - i]
-    blocks = -(-steps // length)
-    driven = np.zeros(blocks * length)
-    driven[:steps] = inputs
-    driven = driven.reshape(blocks, length).T
-    ends, over_block = (np.array(of_inputs[::-1]).T @ driven).T, np.linalg.matrix_power(a, length)
-    begin = np.zeros((blocks, size))
-    for i in range(1, blocks):
-        begin[i] = over_block @ begin[i - 1] + ends[i - 1]
-    outputs = np.vstack(of_states) @ begin.T + within.reshape(-1, length) @ driven
-    return np.asarray(outputs.reshape(length, len(c), blocks).transpose(1, 2, 0).reshape(len(c), -1)[:, :steps])
+
+    def __init__(self, system: DiscreteStateSpace) -> None:
+        a, b, c, d = system
+        length = 2 * BLOCK
+        of_inputs, of_states = [b[:, 0]], [c]
+        for _ in range(length - 1):
+            of_inputs.append(a @ of_inputs[-1])
+            of_states.append(of_states[-1] @ a)
+        impulse = np.vstack((d[:, 0], np.array(of_inputs[:-1]) @ c.T))
+        within = np.zeros((length, len(c), length))
+        for i in range(length):
+            within[i:, :, i] = impulse[: length - i]
+        self._within = within.reshape(-1, length)
+        self._of_inputs, self._of_states = np.array(of_inputs[::-1]).T, np.vstack(of_states)
+        self._over_block = np.linalg.matrix_power(a, length)
+
+    def outputs(self, inputs: FloatArray) -> FloatArray:
+        """Return the outputs of a run.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (N,)
+            The input.
+
+        Returns
+        -------
+        ndarray, shape (p, N)
+        """
+        steps, length = len(inputs), self._within.shape[1]
+        blocks = -(-steps // length)
+        driven = np.zeros(blocks * length)
+        driven[:steps] = inputs
+        driven = driven.reshape(blocks, length).T
+        ends, over_block = (self._of_inputs @ driven).T, self._over_block
+        begin = np.zeros((blocks, len(over_block)))
+        for i in range(1, blocks):
+            begin[i] = over_block @ begin[i - 1] + ends[i - 1]
+        outputs = self._of_states @ begin.T + self._within @ driven
+        outputs = outputs.reshape(length, -1, blocks).transpose(1, 2, 0)
+        return np.asarray(outputs.reshape(len(outputs), -1)[:, :steps])
 
 
 def running_mean(time_step: float, time: float, runs: int) -> LinearSimulation:
