@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-#: What no node uses, and takes longer to load than numpy.
+#: What no node uses.
 _UNUSED = ("f2py", "ma", "polynomial", "testing")
 
 
